@@ -1,0 +1,76 @@
+"""The entry point: one lazy group, and the one place that catches VnavError."""
+
+import os
+import sys
+from importlib import import_module
+
+# One thread each for BLAS: its sums must not depend on the machine; vnav spreads frames instead.
+os.environ["OPENBLAS_NUM_THREADS"] = "1"
+
+import click  # noqa: E402
+
+from vnav import __version__  # noqa: E402
+from vnav.errors import VnavError  # noqa: E402
+
+COMMANDS = {
+    "build-map": "build_map",
+    "odometry": "stage_commands",
+    "vocabulary": "stage_commands",
+    "loops": "stage_commands",
+    "optimise": "stage_commands",
+    "fuse": "stage_commands",
+    "index": "stage_commands",
+    "locate": "locate",
+    "plan": "plan",
+    "score": "score",
+    "check": "check",
+    "info": "info",
+    "export": "export",
+    "report": "report",
+    "demo": "demo",
+    "doctor": "doctor",
+}
+
+
+class LazyGroup(click.Group):
+    """Imports a command's module only when that command is asked for."""
+
+    def list_commands(self, ctx: click.Context) -> list[str]:
+        """Every command, in the order a user meets them."""
+        return list(COMMANDS)
+
+    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
+        """The command of that name, None where there is none."""
+        if cmd_name not in COMMANDS:
+            return None
+        module = import_module(f"vnav.cli.{COMMANDS[cmd_name]}")
+        command: click.Command = getattr(module, cmd_name.replace("-", "_"))
+        return command
+
+
+@click.group(cls=LazyGroup, context_settings={"help_option_names": ["-h", "--help"]})
+@click.version_option(__version__)
+def cli() -> None:
+    """Map a place from RGB-D frames, find a photo in it, plan a path to another photo."""
+
+
+def main() -> int:
+    """Run the command line; exit code 0, 1 (VnavError), 2 (usage) or 3 (the answer is no)."""
+    try:
+        cli.main(standalone_mode=False)
+    except VnavError as error:
+        click.echo(f"vnav: {error}", err=True)
+        return 1
+    except click.exceptions.Exit as stop:
+        return stop.exit_code
+    except click.ClickException as error:
+        error.show()
+        return error.exit_code
+    except click.Abort:
+        click.echo("vnav: interrupted; finished stages are kept", err=True)
+        return 130
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

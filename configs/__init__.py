@@ -1,0 +1,1 @@
+"""Presets: each file holds only its differences from the defaults in vnav.config."""

@@ -1,0 +1,1 @@
+"""Catalogue of public sequences and evaluation suites."""

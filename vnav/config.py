@@ -1,0 +1,218 @@
+"""Every setting and its default, once; presets and files hold only differences."""
+
+import dataclasses
+import difflib
+import tomllib
+import typing
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from importlib import resources
+from pathlib import Path
+from typing import Any, TypeVar
+
+from vnav.errors import ConfigError
+
+ConfigT = TypeVar("ConfigT")
+
+
+@dataclass(frozen=True)
+class CaptureConfig:
+    """Reading a capture."""
+
+    association_s: float = 0.02  # largest time between a colour image and its depth
+    preset_camera: str = ""  # a camera preset to use where the capture has no camera.toml
+
+
+@dataclass(frozen=True)
+class FeaturesConfig:
+    """Keypoints and descriptors."""
+
+    front_end: str = "sift"
+    max_features: int = 1500
+    contrast_threshold: float = 0.02
+    edge_threshold: float = 10.0
+    root_sift: bool = True
+
+
+@dataclass(frozen=True)
+class RegistrationConfig:
+    """Two frames to a relative pose."""
+
+    ratio: float = 0.8  # nearest / second-nearest descriptor distance
+    mutual: bool = True
+    pixel_sigma_px: float = 1.0
+    depth_sigma_per_m2: float = 0.0025  # axial depth noise: sigma = this * depth^2
+    depth_window_px: int = 5  # window of the plane fit that gives a keypoint its depth
+    ransac_threshold_px: float = 4.0
+    ransac_iterations: int = 200
+    min_inliers: int = 15
+    min_inlier_share: float = 0.15
+
+
+@dataclass(frozen=True)
+class OdometryConfig:
+    """Frame-to-frame odometry and the choice of keyframes."""
+
+    min_depth_m: float = 0.3
+    max_depth_m: float = 8.0
+    keyframe_translation_m: float = 0.25
+    keyframe_rotation_deg: float = 15.0
+    keyframe_shared: float = 0.35  # new keyframe below this share of the keyframe's features seen
+    recent_keyframes: int = 10  # tried, newest first, when predecessor and last keyframe fail
+    max_speed_m_s: float = 5.0
+
+
+@dataclass(frozen=True)
+class VocabularyConfig:
+    """The vocabulary tree."""
+
+    branching: int = 10
+    max_levels: int = 5
+    max_descriptors: int = 200_000
+    min_leaf: int = 16  # a node with fewer descriptors is not split
+
+
+@dataclass(frozen=True)
+class LoopsConfig:
+    """Loop candidates and their verification."""
+
+    candidates: int = 8  # per keyframe
+    exclude_s: float = 5.0  # keyframes nearer in time are no loop
+    min_inliers: int = 25
+    min_inlier_share: float = 0.25
+
+
+@dataclass(frozen=True)
+class OptimiseConfig:
+    """Pose graph, landmarks, bundle adjustment, world frame."""
+
+    max_closure_sigmas: float = 6.0
+    bundle_iterations: int = 20
+    min_track: int = 2
+    huber_sigmas: float = 2.0
+
+
+@dataclass(frozen=True)
+class FuseConfig:
+    """Cloud, octree, mesh and grid."""
+
+    max_range_m: float = 5.0
+    voxel_m: float = 0.02
+    octree_m: float = 0.05
+    mesh_voxel_m: float = 0.03
+    obstacle_min_m: float = 0.10
+    robot_height_m: float = 1.40
+    free_height_m: float = 0.15
+
+
+@dataclass(frozen=True)
+class LocateConfig:
+    """Active search and the pose of a photo."""
+
+    max_features: int = 3000
+    level_2d_3d: int = 4  # counted from the root = 0, clamped to the tree
+    level_3d_2d: int = 2
+    ratio_2d_3d: float = 0.8
+    ratio_3d_2d: float = 0.7
+    neighbours: int = 200
+    enough_matches: int = 100
+    ransac_threshold_px: float = 6.0
+    ransac_iterations: int = 1000
+    min_inliers: int = 12
+
+
+@dataclass(frozen=True)
+class PlanConfig:
+    """The path and the robot that follows it."""
+
+    robot_radius_m: float = 0.20
+    tolerance_m: float = 0.50
+    clearance_weight: float = 0.5
+    clearance_range_m: float = 0.50
+    allow_unknown: bool = False
+
+
+@dataclass(frozen=True)
+class Config:
+    """All settings of a run."""
+
+    seed: int = 0
+    capture: CaptureConfig = field(default_factory=CaptureConfig)
+    features: FeaturesConfig = field(default_factory=FeaturesConfig)
+    registration: RegistrationConfig = field(default_factory=RegistrationConfig)
+    odometry: OdometryConfig = field(default_factory=OdometryConfig)
+    vocabulary: VocabularyConfig = field(default_factory=VocabularyConfig)
+    loops: LoopsConfig = field(default_factory=LoopsConfig)
+    optimise: OptimiseConfig = field(default_factory=OptimiseConfig)
+    fuse: FuseConfig = field(default_factory=FuseConfig)
+    locate: LocateConfig = field(default_factory=LocateConfig)
+    plan: PlanConfig = field(default_factory=PlanConfig)
+
+
+def load(source: str | None = None, settings: Iterable[str] = ()) -> Config:
+    """The defaults, changed by a preset or file, then by settings like ``odometry.max_depth_m=4``.
+
+    Raises ConfigError for an unknown name, a value of the wrong type, or an unreadable file.
+    """
+    config = Config() if source is None else updated(Config(), _read(source), source)
+    for setting in settings:
+        name, equals, text = setting.partition("=")
+        if not equals:
+            raise ConfigError(f"expected --set section.name=value, found '{setting}'")
+        change: Any = _parse(text)
+        for part in reversed(name.strip().split(".")):
+            change = {part: change}
+        config = updated(config, change, f"--set {setting}")
+    return config
+
+
+def presets() -> list[str]:
+    """Names of the presets that ship with vnav."""
+    files = resources.files("vnav.configs").iterdir()
+    return sorted(f.name.removesuffix(".toml") for f in files if f.name.endswith(".toml"))
+
+
+def updated(config: ConfigT, changes: Mapping[str, Any], where: str) -> ConfigT:
+    """The same frozen dataclass with nested changes; ConfigError names what does not fit."""
+    types = typing.get_type_hints(type(config))
+    values = {}
+    for name, value in changes.items():
+        if name not in types:
+            near = difflib.get_close_matches(name, types, 1)
+            hint = f"did you mean '{near[0]}'?" if near else f"known are: {', '.join(types)}"
+            raise ConfigError(f"unknown setting '{name}' in {where}; {hint}")
+        values[name] = _fitting(getattr(config, name), value, f"{name} in {where}")
+    return dataclasses.replace(config, **values)  # type: ignore[type-var]
+
+
+def _fitting(old: Any, value: Any, where: str) -> Any:
+    if dataclasses.is_dataclass(old) and not isinstance(old, type):
+        if not isinstance(value, Mapping):
+            raise ConfigError(f"expected a table for {where}, found {value!r}")
+        return updated(old, value, where)
+    if isinstance(old, float) and isinstance(value, int) and not isinstance(value, bool):
+        value = float(value)
+    if type(value) is not type(old):
+        raise ConfigError(f"expected {type(old).__name__} for {where}, found {value!r}")
+    return value
+
+
+def _read(source: str) -> dict[str, Any]:
+    path = Path(source)
+    text = resources.files("vnav.configs") / f"{source}.toml"
+    try:
+        if path.is_file():
+            return tomllib.loads(path.read_text("utf-8"))
+        if source in presets():
+            return tomllib.loads(text.read_text("utf-8"))
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise ConfigError(f"expected TOML in {source}, found: {error}") from error
+    known = ", ".join(presets())
+    raise ConfigError(f"expected a preset ({known}) or a TOML file, found neither: '{source}'")
+
+
+def _parse(text: str) -> Any:
+    try:
+        return tomllib.loads(f"value = {text}")["value"]
+    except tomllib.TOMLDecodeError:
+        return text.strip()

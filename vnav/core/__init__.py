@@ -1,0 +1,1 @@
+"""Values and geometry: numpy only, pure, no files."""

@@ -1,0 +1,79 @@
+"""The pinhole model: pixel centres at integer coordinates, x right, y down, z forward."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Intrinsics:
+    """Focal lengths and principal point in pixels; distortion is OpenCV's k1, k2, p1, p2, k3."""
+
+    width: int
+    height: int
+    fx: float
+    fy: float
+    cx: float
+    cy: float
+    distortion: tuple[float, ...] = ()
+
+    @property
+    def K(self) -> Array:
+        """Calibration matrix (3, 3)."""
+        return np.array([[self.fx, 0, self.cx], [0, self.fy, self.cy], [0, 0, 1]])
+
+    @property
+    def size(self) -> tuple[int, int]:
+        """Width and height in pixels."""
+        return self.width, self.height
+
+    def project(self, points_camera: ArrayLike) -> Array:
+        """Pixels (..., 2) of points (..., 3) in camera coordinates, distortion not applied.
+
+        Points at or behind the camera plane give NaN.
+        """
+        p = np.asarray(points_camera, float)
+        z = np.where(p[..., 2] > 0, p[..., 2], np.nan)
+        return np.stack([self.fx * p[..., 0] / z + self.cx, self.fy * p[..., 1] / z + self.cy], -1)
+
+    def unproject(self, pixels: ArrayLike, depth_m: ArrayLike) -> Array:
+        """Points (..., 3) in camera coordinates from undistorted pixels (..., 2) and z (...)."""
+        px, z = np.asarray(pixels, float), np.asarray(depth_m, float)
+        x = (px[..., 0] - self.cx) / self.fx * z
+        y = (px[..., 1] - self.cy) / self.fy * z
+        return np.stack([x, y, z], -1)
+
+    def scaled(self, width: int, height: int) -> "Intrinsics":
+        """The same camera's images resized to another size."""
+        sx, sy = width / self.width, height / self.height
+        return Intrinsics(
+            width,
+            height,
+            self.fx * sx,
+            self.fy * sy,
+            (self.cx + 0.5) * sx - 0.5,
+            (self.cy + 0.5) * sy - 0.5,
+            self.distortion,
+        )
+
+
+@dataclass(frozen=True)
+class Camera:
+    """A colour camera and the depth sensor beside it.
+
+    ``depth`` and ``T_color_depth`` (4x4 nested tuples, depth camera coordinates to colour camera
+    coordinates) are None where depth is registered to colour.
+    """
+
+    color: Intrinsics
+    units_per_metre: float
+    depth: Intrinsics | None = None
+    T_color_depth: tuple[tuple[float, ...], ...] | None = None
+
+    @property
+    def is_registered(self) -> bool:
+        """Whether depth pixels already lie on colour pixels."""
+        return self.depth is None

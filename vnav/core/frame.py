@@ -1,0 +1,111 @@
+"""Frames, their features, and the edges between them."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vnav.core.arrays import frozen
+
+
+@dataclass(frozen=True)
+class Frame:
+    """One colour image and its depth, undistorted and registered.
+
+    Parameters
+    ----------
+    capture, index
+        The frame's key: which capture of the map, which frame of that capture.
+    stamp_s
+        Time of the colour image.
+    color
+        (H, W, 3) uint8, RGB.
+    depth_m
+        (H, W) float32, z in metres, 0 where there is none.
+    """
+
+    capture: int
+    index: int
+    stamp_s: float
+    color: NDArray[np.uint8]
+    depth_m: NDArray[np.float32]
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "color", frozen(self.color, np.uint8, (None, None, 3)))
+        object.__setattr__(self, "depth_m", frozen(self.depth_m, np.float32, self.color.shape[:2]))
+
+
+@dataclass(frozen=True)
+class Features:
+    """N described keypoints; N = 0 is legal.
+
+    ``keypoints_px`` (N, 2) float32, ``descriptors`` (N, D) uint8, ``scores`` (N,) float32 response,
+    ``scales_px`` (N,) float32 diameter of the described patch, ``angles_rad`` (N,) float32.
+    """
+
+    keypoints_px: NDArray[np.float32]
+    descriptors: NDArray[np.uint8]
+    scores: NDArray[np.float32]
+    scales_px: NDArray[np.float32]
+    angles_rad: NDArray[np.float32]
+
+    def __post_init__(self) -> None:
+        n = len(self.keypoints_px)
+        object.__setattr__(self, "keypoints_px", frozen(self.keypoints_px, np.float32, (n, 2)))
+        object.__setattr__(self, "descriptors", frozen(self.descriptors, np.uint8, (n, None)))
+        for name in ("scores", "scales_px", "angles_rad"):
+            object.__setattr__(self, name, frozen(getattr(self, name), np.float32, (n,)))
+
+    def __len__(self) -> int:
+        return len(self.keypoints_px)
+
+    def __getitem__(self, selection: NDArray[np.intp] | NDArray[np.bool_]) -> "Features":
+        """The selected features, in the order of the selection."""
+        return Features(
+            self.keypoints_px[selection],
+            self.descriptors[selection],
+            self.scores[selection],
+            self.scales_px[selection],
+            self.angles_rad[selection],
+        )
+
+
+@dataclass(frozen=True)
+class Edge:
+    """A measured transformation between frames i and j (rows of the map's frame table).
+
+    ``information`` (6, 6) is the inverse covariance of the tangent at ``T_i_j``, rotation first.
+    """
+
+    i: int
+    j: int
+    T_i_j: NDArray[np.float64]
+    information: NDArray[np.float64]
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "T_i_j", frozen(self.T_i_j, np.float64, (4, 4)))
+        object.__setattr__(self, "information", frozen(self.information, np.float64, (6, 6)))
+
+
+@dataclass(frozen=True)
+class PoseEstimate:
+    """How camera b stands to camera a, from matched features.
+
+    ``inliers`` (M, 2): rows of a's and b's features that agree; ``rms_px``: their reprojection
+    error; ``information`` as in `Edge`.
+    """
+
+    T_a_b: NDArray[np.float64]
+    information: NDArray[np.float64]
+    inliers: NDArray[np.int32]
+    matches: int
+    rms_px: float
+
+
+@dataclass(frozen=True)
+class Rejected:
+    """No answer, and why. ``matches`` and ``inliers`` say how far it came."""
+
+    reason: str
+    matches: int = 0
+    inliers: int = 0

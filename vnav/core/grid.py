@@ -1,0 +1,51 @@
+"""A 2D occupancy grid on the floor."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from vnav.core.arrays import frozen
+
+FREE, OCCUPIED, UNKNOWN = 0, 1, 2
+
+
+@dataclass(frozen=True)
+class Grid:
+    """Square cells of the real floor.
+
+    Parameters
+    ----------
+    origin
+        World x, y in metres of the outer corner of cell [0, 0].
+    resolution_m
+        Edge of a cell.
+    cells
+        (rows, columns) uint8 of FREE, OCCUPIED, UNKNOWN; rows run along +y, columns along +x.
+    """
+
+    origin: tuple[float, float]
+    resolution_m: float
+    cells: NDArray[np.uint8]
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "cells", frozen(self.cells, np.uint8, (None, None)))
+
+    def cells_at(self, points_xy: ArrayLike) -> NDArray[np.intp]:
+        """Row and column (..., 2) of the cells that hold world points (..., 2); may lie outside."""
+        p = (np.asarray(points_xy, float) - self.origin) / self.resolution_m
+        return np.floor(p[..., ::-1]).astype(np.intp)
+
+    def centres_of(self, cells: ArrayLike) -> NDArray[np.float64]:
+        """World x, y (..., 2) of the centres of cells (..., 2) given as row, column."""
+        rc = np.asarray(cells, float)
+        return np.asarray((rc[..., ::-1] + 0.5) * self.resolution_m + self.origin)
+
+    def contains(self, cells: ArrayLike) -> NDArray[np.bool_]:
+        """Whether cells (..., 2) lie inside."""
+        rc = np.asarray(cells)
+        return np.asarray(((rc >= 0) & (rc < self.cells.shape)).all(-1))
+
+    def area_m2(self, state: int) -> float:
+        """Floor area of the cells in one state."""
+        return float((self.cells == state).sum() * self.resolution_m**2)

@@ -1,0 +1,160 @@
+"""What the stages of a map hand to each other."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vnav.core.arrays import frozen
+from vnav.core.frame import Edge, Features
+
+LOST = -1
+
+
+@dataclass(frozen=True)
+class FrameTable:
+    """Every frame of the map's captures, in order; a row of it is how a frame is named inside.
+
+    ``capture`` (N,), ``index`` (N,) int32: the frame's key; ``stamp_s`` (N,) float64.
+    """
+
+    capture: NDArray[np.int32]
+    index: NDArray[np.int32]
+    stamp_s: NDArray[np.float64]
+
+    def __post_init__(self) -> None:
+        n = len(self.capture)
+        object.__setattr__(self, "capture", frozen(self.capture, np.int32, (n,)))
+        object.__setattr__(self, "index", frozen(self.index, np.int32, (n,)))
+        object.__setattr__(self, "stamp_s", frozen(self.stamp_s, np.float64, (n,)))
+
+    def __len__(self) -> int:
+        return len(self.capture)
+
+
+@dataclass(frozen=True)
+class Keyframe:
+    """A frame kept with its features.
+
+    ``row`` in the frame table; ``points_camera`` (N, 3) float32: each feature's 3D point in the
+    colour camera from its own depth, NaN where depth is missing or lies on an edge.
+    """
+
+    row: int
+    features: Features
+    points_camera: NDArray[np.float32]
+
+    def __post_init__(self) -> None:
+        shape = (len(self.features), 3)
+        object.__setattr__(self, "points_camera", frozen(self.points_camera, np.float32, shape))
+
+    @property
+    def has_depth(self) -> NDArray[np.bool_]:
+        """Which features (N,) carry a 3D point."""
+        return np.isfinite(self.points_camera[:, 2])
+
+
+@dataclass(frozen=True)
+class Sightings:
+    """Features of keyframes seen again in other frames; what odometry's inliers are kept as.
+
+    Row by row: the ``feature`` of keyframe number ``keyframe`` was seen by frame ``row`` at
+    ``px`` (M, 2) and, NaN if none, ``depth_m`` (M,).
+    """
+
+    keyframe: NDArray[np.int32]
+    feature: NDArray[np.int32]
+    row: NDArray[np.int32]
+    px: NDArray[np.float32]
+    depth_m: NDArray[np.float32]
+
+
+@dataclass(frozen=True)
+class Odometry:
+    """Result of the odometry stage.
+
+    ``T_segment_camera`` (N, 4, 4): pose of every frame in the first frame of its segment, NaN
+    where lost; ``segment`` (N,): number of its segment, LOST where lost; ``reasons``: why, empty
+    where tracked; ``edges`` between rows; ``keyframes`` in order of row.
+    """
+
+    frames: FrameTable
+    T_segment_camera: NDArray[np.float64]
+    segment: NDArray[np.int32]
+    reasons: tuple[str, ...]
+    edges: tuple[Edge, ...]
+    keyframes: tuple[Keyframe, ...]
+    sightings: Sightings
+
+
+@dataclass(frozen=True)
+class LoopVerdict:
+    """One candidate pair of keyframes (numbers into the keyframes), accepted or not, and why."""
+
+    i: int
+    j: int
+    score: float
+    accepted: bool
+    reason: str
+    matches: int
+    inliers: int
+
+
+@dataclass(frozen=True)
+class Landmarks:
+    """3D points of the map and where keyframes saw them.
+
+    Parameters
+    ----------
+    points_world
+        (L, 3) float32, metres.
+    sigma_m
+        (L,) float32, one standard deviation of the position, root mean square over the axes.
+    landmark, keyframe, feature
+        (M,) int32, one row an observation: keyframe number ``keyframe`` saw ``landmark`` as its
+        ``feature``. Sorted by landmark, then keyframe.
+    """
+
+    points_world: NDArray[np.float32]
+    sigma_m: NDArray[np.float32]
+    landmark: NDArray[np.int32]
+    keyframe: NDArray[np.int32]
+    feature: NDArray[np.int32]
+
+    def __post_init__(self) -> None:
+        n, m = len(self.points_world), len(self.landmark)
+        object.__setattr__(self, "points_world", frozen(self.points_world, np.float32, (n, 3)))
+        object.__setattr__(self, "sigma_m", frozen(self.sigma_m, np.float32, (n,)))
+        for name in ("landmark", "keyframe", "feature"):
+            object.__setattr__(self, name, frozen(getattr(self, name), np.int32, (m,)))
+
+    def __len__(self) -> int:
+        return len(self.points_world)
+
+
+@dataclass(frozen=True)
+class World:
+    """How the world frame was found: z up, floor at z = 0.
+
+    ``source`` is "floor", "structure" or "cameras"; ``floor_inliers`` the floor points found;
+    ``floor_rms_m`` their spread about z = 0, NaN without a floor.
+    """
+
+    source: str
+    floor_points: int
+    floor_rms_m: float
+
+
+@dataclass(frozen=True)
+class OptimisedMap:
+    """Result of the optimise stage.
+
+    ``T_world_camera`` (N, 4, 4): every frame of the frame table, NaN where it is not part of the
+    main map; ``keyframe_covariance`` (K, 6, 6): marginal of each keyframe's tangent, rotation
+    first; ``landmarks`` with keyframe numbers as in `Odometry`.
+    """
+
+    T_world_camera: NDArray[np.float64]
+    keyframe_covariance: NDArray[np.float64]
+    landmarks: Landmarks
+    world: World

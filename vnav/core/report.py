@@ -1,0 +1,23 @@
+"""What a stage tells when it is done."""
+
+from dataclasses import asdict, dataclass, field
+from typing import Any
+
+
+@dataclass(frozen=True)
+class Report:
+    """Counts and quality of a finished stage; ``reused`` where nothing had to be done.
+
+    ``lines`` are for people, the rest for programs; ``seconds`` the only place for times.
+    """
+
+    stage: str
+    values: dict[str, Any]
+    lines: tuple[str, ...] = ()
+    warnings: tuple[str, ...] = ()
+    seconds: float = 0.0
+    reused: bool = field(default=False)
+
+    def as_dict(self) -> dict[str, Any]:
+        """Plain values for JSON."""
+        return asdict(self)

@@ -1,0 +1,1 @@
+"""Front-ends that find and describe features, and their matching."""

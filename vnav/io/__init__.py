@@ -1,0 +1,1 @@
+"""Files: capture readers, the map folder, writers."""

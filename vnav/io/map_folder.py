@@ -1,0 +1,185 @@
+"""The map folder: sole owner of its layout; see docs/map-folder.md.
+
+A stage owns one folder and writes it whole: into a draft beside it, then renamed, so that a crash
+never leaves half a stage. ``stage.json`` records vnav's version, the settings and the content of
+all inputs; a stage is reused only where all of these are what they were.
+"""
+
+import hashlib
+import json
+import os
+import shutil
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from vnav import __version__
+from vnav.errors import MapError, StaleArtifact
+
+FORMAT = 1
+STAGES = ("odometry", "vocabulary", "loops", "optimise", "fuse", "index")
+
+
+class MapFolder:
+    """One map on disk."""
+
+    def __init__(self, root: Path) -> None:
+        self.root = root
+
+    @classmethod
+    def open(cls, root: Path) -> "MapFolder":
+        """An existing map; MapError where there is none or its format is another."""
+        path = root / "map.json"
+        if not path.is_file():
+            raise MapError(
+                f"expected a map at {root}, found no map.json; make one with 'vnav build-map"
+                f" CAPTURE --map {root}' or name another with --map"
+            )
+        found = _read_json(path).get("format")
+        if found != FORMAT:
+            raise MapError(
+                f"expected map format {FORMAT} in {path}, found {found};"
+                f" build the map anew with 'vnav build-map CAPTURE --map {root} --fresh'"
+            )
+        return cls(root)
+
+    @classmethod
+    def create(cls, root: Path) -> "MapFolder":
+        """An existing map, or an empty one made here; MapError where that cannot be."""
+        if (root / "map.json").exists():
+            return cls.open(root)
+        if root.exists() and (not root.is_dir() or any(root.iterdir())):
+            raise MapError(
+                f"expected a map or an empty folder at {root}, found other files; name another"
+                " folder with --map"
+            )
+        try:
+            root.mkdir(parents=True, exist_ok=True)
+            write_text(root / "map.json", to_json({"format": FORMAT, "captures": []}))
+        except OSError as error:
+            raise MapError(
+                f"expected to write a map at {root}, found: {error.strerror}; name a writable"
+                " folder with --map"
+            ) from error
+        return cls(root)
+
+    @property
+    def captures(self) -> list[dict[str, Any]]:
+        """The map's captures: id, name, fingerprint, camera."""
+        captures: list[dict[str, Any]] = _read_json(self.root / "map.json")["captures"]
+        return captures
+
+    def set_captures(self, captures: list[dict[str, Any]]) -> None:
+        """Replace the list of captures."""
+        write_text(self.root / "map.json", to_json({"format": FORMAT, "captures": captures}))
+
+    def inputs_of(self, *stages: str) -> dict[str, str]:
+        """What a stage depends on: a hash over each named stage's recorded output."""
+        return {stage: _digest(self.stage(stage) / "stage.json") for stage in stages}
+
+    def is_current(
+        self, stage: str, settings: Mapping[str, Any], inputs: Mapping[str, str]
+    ) -> bool:
+        """Whether the stage was made by this version from these settings and inputs, unharmed."""
+        path = self.root / stage / "stage.json"
+        if not path.is_file():
+            return False
+        record = _read_json(path)
+        made_from = {key: record.get(key) for key in ("vnav", "settings", "inputs")}
+        wanted = {"vnav": __version__, "settings": dict(settings), "inputs": dict(inputs)}
+        files = record.get("files", {})
+        return bool(made_from == json.loads(to_json(wanted)) and files == _digests(path.parent))
+
+    def stage(self, stage: str) -> Path:
+        """Folder of a finished stage; StaleArtifact where it is missing or its inputs changed."""
+        folder = self.root / stage
+        if not (folder / "stage.json").is_file():
+            raise StaleArtifact(
+                f"expected the finished stage '{stage}' in {self.root}, found none; run"
+                f" 'vnav build-map' or 'vnav {stage} --map {self.root}'"
+            )
+        for name, digest in _read_json(folder / "stage.json")["inputs"].items():
+            if name not in STAGES:
+                continue
+            path = self.root / name / "stage.json"
+            if not path.is_file() or _digest(path) != digest:
+                raise StaleArtifact(
+                    f"stage '{stage}' in {self.root} was made from another '{name}' than is there"
+                    f" now; run 'vnav {stage} --map {self.root}' again"
+                )
+        return folder
+
+    @contextmanager
+    def writing(
+        self, stage: str, settings: Mapping[str, Any], inputs: Mapping[str, str]
+    ) -> Iterator[Path]:
+        """A draft folder to fill; it becomes the stage when the block ends without an error."""
+        draft, final = self.root / f".{stage}.draft", self.root / stage
+        try:
+            shutil.rmtree(draft, ignore_errors=True)
+            draft.mkdir()
+        except OSError as error:
+            raise MapError(
+                f"expected to write to the map {self.root}, found: {error.strerror}; give write"
+                " permission or name another folder with --map"
+            ) from error
+        yield draft
+        record = {"vnav": __version__, "settings": dict(settings), "inputs": dict(inputs)}
+        write_text(draft / "stage.json", to_json(record | {"files": _digests(draft)}))
+        old = self.root / f".{stage}.old"
+        shutil.rmtree(old, ignore_errors=True)
+        if final.exists():
+            final.rename(old)
+        draft.rename(final)
+        shutil.rmtree(old, ignore_errors=True)
+
+    def write_report(self, stage: str, report: Mapping[str, Any]) -> None:
+        """Counts, quality and seconds of a stage, for people; not an input of anything."""
+        (self.root / "reports").mkdir(exist_ok=True)
+        write_text(self.root / "reports" / f"{stage}.json", to_json(report))
+
+    def report(self, stage: str) -> dict[str, Any]:
+        """A stage's last report, empty where there is none."""
+        path = self.root / "reports" / f"{stage}.json"
+        return _read_json(path) if path.is_file() else {}
+
+    def write_current(self, pose: Mapping[str, Any]) -> None:
+        """Remember the last located pose; OSError where the map is read-only."""
+        (self.root / "state").mkdir(exist_ok=True)
+        write_text(self.root / "state" / "current.json", to_json(pose))
+
+    def current(self) -> dict[str, Any] | None:
+        """The last located pose, None where no photo was located yet."""
+        path = self.root / "state" / "current.json"
+        return _read_json(path) if path.is_file() else None
+
+
+def to_json(value: Any) -> str:
+    """JSON text, the same for the same value; no NaN."""
+    return json.dumps(value, indent=1, sort_keys=True, allow_nan=False) + "\n"
+
+
+def write_text(path: Path, text: str) -> None:
+    """Write a file whole or not at all."""
+    draft = path.with_name(f".{path.name}.draft")
+    draft.write_text(text, "utf-8")
+    os.replace(draft, path)
+
+
+def _read_json(path: Path) -> dict[str, Any]:
+    try:
+        value: dict[str, Any] = json.loads(path.read_text("utf-8"))
+    except (OSError, ValueError) as error:
+        raise MapError(f"expected JSON in {path}, found: {error}; build the map anew") from error
+    return value
+
+
+def _digest(path: Path) -> str:
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
+
+
+def _digests(folder: Path) -> dict[str, str]:
+    files = sorted(p for p in folder.rglob("*") if p.is_file() and p.name != "stage.json")
+    return {p.relative_to(folder).as_posix(): _digest(p) for p in files}

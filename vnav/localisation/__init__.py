@@ -1,0 +1,1 @@
+"""Where a photo was taken: active search, DLT in RANSAC, refinement, verdict."""

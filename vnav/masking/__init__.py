@@ -1,0 +1,1 @@
+"""Which pixels show moving things; the default keeps everything."""

@@ -1,0 +1,1 @@
+"""A path on the floor: projection to a grid, clearance, A*, smoothing."""
