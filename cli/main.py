@@ -57,19 +57,17 @@ def cli() -> None:
 def main() -> int:
     """Run the command line; exit code 0, 1 (VnavError), 2 (usage) or 3 (the answer is no)."""
     try:
-        cli.main(standalone_mode=False)
+        result = cli.main(standalone_mode=False)
     except VnavError as error:
         click.echo(f"vnav: {error}", err=True)
         return 1
-    except click.exceptions.Exit as stop:
-        return stop.exit_code
     except click.ClickException as error:
         error.show()
         return error.exit_code
     except click.Abort:
         click.echo("vnav: interrupted; finished stages are kept", err=True)
         return 130
-    return 0
+    return result if isinstance(result, int) else 0
 
 
 if __name__ == "__main__":

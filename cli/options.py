@@ -1,0 +1,62 @@
+"""Options that several commands share, and how progress is shown."""
+
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, TypeVar
+
+import click
+
+from vnav.core.progress import Progress
+
+Command = TypeVar("Command", bound=Callable[..., Any])
+
+map_option = click.option(
+    "--map",
+    "map_dir",
+    type=click.Path(path_type=Path),
+    envvar="VNAV_MAP",
+    default=Path("map"),
+    show_default="$VNAV_MAP, else ./map",
+    help="Folder of the map.",
+)
+
+
+def config_options(command: Command) -> Command:
+    """Add --config and --set, which arrive as ``config_source`` and ``settings``."""
+    for option in (
+        click.option(
+            "--set",
+            "settings",
+            multiple=True,
+            metavar="SECTION.NAME=VALUE",
+            help="Change one setting; may be given several times.",
+        ),
+        click.option(
+            "--config",
+            "config_source",
+            metavar="PRESET|FILE",
+            help="A preset that ships with vnav, or a TOML file with differences.",
+        ),
+    ):
+        command = option(command)
+    return command
+
+
+def console_progress() -> Progress:
+    """Progress on stderr: one line that rewrites itself, or sparse lines where it is no terminal."""
+    started = time.monotonic()
+    shown: dict[str, float] = {}
+    live = sys.stderr.isatty()
+
+    def show(task: str, done: int, total: int) -> None:
+        now = time.monotonic()
+        if done < total and now - shown.get(task, started - 60) < (0.1 if live else 10.0):
+            return
+        shown[task] = now
+        end = "\n" if done >= total or not live else ""
+        line = f"{task}: {done}/{total}  ({now - started:.0f} s)"
+        click.echo(("\r\x1b[K" if live else "") + line + end, err=True, nl=False)
+
+    return show
