@@ -45,7 +45,7 @@ def config_options(command: Command) -> Command:
 
 
 def console_progress() -> Progress:
-    """Progress on stderr: one line that rewrites itself, or sparse lines where it is no terminal."""
+    """Progress on stderr: one line that rewrites itself, or sparse lines into a file."""
     started = time.monotonic()
     shown: dict[str, float] = {}
     live = sys.stderr.isatty()
