@@ -1,0 +1,96 @@
+"""Hierarchical k-means over the map's descriptors: the vocabulary tree (claim 4, 2.1).
+
+Source: Nister, Stewenius, "Scalable recognition with a vocabulary tree", 2006.
+"""
+
+import warnings
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vnav.config import VocabularyConfig
+from vnav.core.tree import VocabularyTree
+from vnav.errors import VnavError
+
+MAX_ITERATIONS = 12  # of k-means at one node; an approximate tree quantises as well as an exact one
+
+
+def train(descriptors: NDArray[np.uint8], config: VocabularyConfig, seed: int) -> VocabularyTree:
+    """The tree of descriptors (N, D); N = 0 gives a root alone, where all share one word.
+
+    More than ``config.max_descriptors`` are subsampled. The same input and seed give the same
+    tree whatever the number of threads.
+    """
+    from threadpoolctl import threadpool_limits
+
+    rng = np.random.default_rng(seed)
+    descriptors = _subsampled(descriptors, config.max_descriptors, rng)
+    with threadpool_limits(1):
+        return _grow(descriptors, config, rng)
+
+
+def self_test() -> None:
+    """Raise VnavError where k-means does not separate two clusters."""
+    low, high = np.full((20, 128), 10, np.uint8), np.full((20, 128), 200, np.uint8)
+    tree = train(np.concatenate([low, high]), VocabularyConfig(branching=2, max_levels=1), 0)
+    words = tree.quantise(np.stack([low[0], high[0]]))[:, -1]
+    if tree.words != 2 or words[0] == words[1]:
+        raise VnavError("expected k-means to find two clusters; reinstall scikit-learn")
+
+
+def _grow(
+    descriptors: NDArray[np.uint8], config: VocabularyConfig, rng: np.random.Generator
+) -> VocabularyTree:
+    """Split nodes breadth first, so that children lie side by side and levels ascend."""
+    root = np.zeros((1, descriptors.shape[1]), np.uint8)
+    centres, first_child, children, level = [root], [0], [0], [0]
+    queue = [(0, np.arange(len(descriptors)))]
+    for node, members in queue:
+        if level[node] == config.max_levels or len(members) < config.min_leaf:
+            continue
+        means, label = _split(descriptors[members], config.branching, rng)
+        if len(means) < 2:
+            continue
+        first_child[node], children[node] = len(level), len(means)
+        for k in range(len(means)):
+            queue.append((len(level), members[label == k]))
+            first_child.append(0)
+            children.append(0)
+            level.append(level[node] + 1)
+        centres.append(means)
+    return VocabularyTree(
+        np.concatenate(centres),
+        np.array(first_child, np.int32),
+        np.array(children, np.int32),
+        np.array(level, np.int32),
+    )
+
+
+def _subsampled(
+    descriptors: NDArray[np.uint8], count: int, rng: np.random.Generator
+) -> NDArray[np.uint8]:
+    if len(descriptors) <= count:
+        return descriptors
+    return descriptors[np.sort(rng.choice(len(descriptors), count, replace=False))]
+
+
+def _split(
+    descriptors: NDArray[np.uint8], branching: int, rng: np.random.Generator
+) -> tuple[NDArray[np.uint8], NDArray[np.intp]]:
+    """Means (k, D) of at most ``branching`` non-empty clusters, and each descriptor's cluster.
+
+    Clusters are those of the rounded means, the ones that quantising will use.
+    """
+    from sklearn.cluster import KMeans
+    from sklearn.exceptions import ConvergenceWarning
+
+    values = descriptors.astype(np.float32)
+    start = values[rng.choice(len(values), min(branching, len(values)), replace=False)]
+    kmeans = KMeans(len(start), init=start, n_init=1, max_iter=MAX_ITERATIONS)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", ConvergenceWarning)  # identical descriptors: fewer clusters
+        kmeans.fit(values)
+    means = np.rint(kmeans.cluster_centers_)
+    nearest = (values @ means.T - (means**2).sum(1) / 2).argmax(1)
+    used, label = np.unique(nearest, return_inverse=True)
+    return means[used].astype(np.uint8), label
