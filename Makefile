@@ -1,0 +1,77 @@
+# A bare machine needs python3 (3.11 or newer), python3-venv, make and git; the rest is set up here.
+#   make demo        make a capture, map it, find a photo in it, plan a path
+#   make test        set-up, the checks of `make check`, all tests that need no capture
+#   make check       doctor, lint, format, types
+#   make bench       speed against peers            make bench-real   accuracy on ../shared/captures
+#   make clean       everything that make made
+
+PYTHON ?= python3
+VENV := .venv
+BIN := $(VENV)/bin
+
+# What open3d's wheels expect of the system, and the Debian packages that hold it.
+LIBRARIES := libEGL.so.1 libGL.so.1 libX11.so.6 libidn2.so.0 libstdc++.so.6 libudev.so.1 libusb-1.0.so.0
+PACKAGES := libegl1 libgl1 libx11-6 libidn2-0 libstdc++6 libudev1 libusb-1.0-0
+
+INSTALL := $(BIN)/pip install --quiet --disable-pip-version-check --config-settings editable_mode=strict
+SOURCES := find vnav cli configs datasets -name '*.py' -o -name '*.toml' -o -name py.typed
+
+.PHONY: setup demo test check bench bench-real clean python system links
+
+setup: python system links
+
+demo: setup
+	$(BIN)/vnav demo
+
+test: check
+	$(BIN)/pytest -m "not real"
+
+check: setup
+	$(BIN)/vnav doctor
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	cd $(VENV) && bin/mypy --strict --config-file ../pyproject.toml --cache-dir ../.mypy_cache -p vnav -p vnav.cli
+
+bench: setup $(VENV)/bench
+	for script in benchmarks/*.py; do $(BIN)/python -P $$script || exit 1; done
+
+bench-real: setup $(VENV)/bench
+	for script in benchmarks/real/*.py; do $(BIN)/python -P $$script || exit 1; done
+
+clean:
+	rm -rf $(VENV) build dist demo *.egg-info .mypy_cache .pytest_cache .ruff_cache
+
+python:
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || \
+	{ echo "expected Python 3.11 or newer, found $$($(PYTHON) --version 2>&1); install one and name it: make PYTHON=python3.11" >&2; exit 1; }
+	@$(PYTHON) -c 'import ensurepip, venv' 2>/dev/null || \
+	{ echo "expected Python with venv, found none; on Debian or Ubuntu run: sudo apt-get install python3-venv" >&2; exit 1; }
+
+system:
+	@$(PYTHON) -c 'import ctypes; [ctypes.CDLL(name) for name in "$(LIBRARIES)".split()]' 2>/dev/null && exit 0; \
+	if [ "$$(id -u)" = 0 ]; then as_root=; \
+	elif sudo -n true 2>/dev/null; then as_root="sudo -n"; \
+	else as_root=none; fi; \
+	if [ "$$as_root" = none ] || ! command -v apt-get >/dev/null; then \
+	echo "open3d needs system libraries that are not all here: $(LIBRARIES); install them, on Debian or Ubuntu with: sudo apt-get install $(PACKAGES)" >&2; exit 1; fi; \
+	echo "installing the system libraries of open3d: $(PACKAGES)"; \
+	export DEBIAN_FRONTEND=noninteractive; \
+	$$as_root apt-get update --quiet=2 && $$as_root apt-get install --quiet=2 --yes --no-install-recommends $(PACKAGES)
+
+# A strict editable install links files one by one: links are renewed when the list of files changes.
+links: $(VENV)/installed
+	@$(SOURCES) | LC_ALL=C sort | cmp --silent - $(VENV)/files && exit 0; \
+	$(INSTALL) --no-deps --no-build-isolation --editable . && \
+	$(SOURCES) | LC_ALL=C sort > $(VENV)/files
+
+$(VENV)/installed: pyproject.toml | $(BIN)/pip
+	$(INSTALL) --editable '.[test]'
+	@$(SOURCES) | LC_ALL=C sort > $(VENV)/files
+	@touch $@
+
+$(VENV)/bench: $(VENV)/installed
+	$(INSTALL) --editable '.[bench]'
+	@touch $@
+
+$(BIN)/pip:
+	$(PYTHON) -m venv $(VENV)
