@@ -1,0 +1,213 @@
+"""Reads the imports of every module and holds them against the dependency rule of the design."""
+
+import ast
+import sys
+import tomllib
+from collections.abc import Iterable, Iterator
+from functools import lru_cache
+from pathlib import Path
+
+ROOT = Path(__file__).parent.parent
+
+# From the top down: a module imports from levels below its own; siblings do not import each other.
+LEVELS = (
+    {"cli"},
+    {"batch", "doctor"},
+    {"synthetic"},
+    {"stages"},
+    {
+        *("io", "features", "masking", "registration", "posegraph", "bundle"),
+        *("volumes", "vocabulary", "localisation", "planning", "metrics"),
+    },
+    {"core"},
+    {"config", "configs", "datasets"},
+    {"errors"},
+    {"vnav"},  # the version
+)
+
+# Native libraries have one owner each; where a name is not listed, no module may import it.
+OWNERS = {
+    "gtsam": {"vnav.posegraph", "vnav.bundle"},
+    "octomap": {"vnav.volumes.octree"},
+    "open3d": {"vnav.volumes"},
+    "sklearn": {"vnav.vocabulary"},
+    "click": {"vnav.cli"},
+    "cv2": {
+        *("vnav.io", "vnav.features", "vnav.masking", "vnav.registration", "vnav.localisation"),
+        *("vnav.synthetic", "vnav.stages"),
+    },
+    "matplotlib": {"vnav.stages"},
+    "numpy": {"vnav"},
+    "numba": {"vnav"},
+    "scipy": {"vnav"},
+    "threadpoolctl": {"vnav"},
+}
+
+STAGES = ("odometry", "vocabulary", "loops", "optimise", "fuse", "index")
+HEAVY = {"open3d", "sklearn", "gtsam", "octomap", "numba", "matplotlib", "scipy"}
+
+
+def _modules() -> dict[str, Path]:
+    folders = {"vnav": "vnav", "cli": "vnav.cli", "configs": "vnav.configs"}
+    folders["datasets"] = "vnav.datasets"
+    found = {}
+    for folder, package in folders.items():
+        for path in sorted((ROOT / folder).rglob("*.py")):
+            parts = path.relative_to(ROOT / folder).with_suffix("").parts
+            name = ".".join((package, *parts)).removesuffix(".__init__")
+            found[name] = path
+    return found
+
+
+MODULES = _modules()
+
+
+@lru_cache
+def _tree(module: str) -> ast.Module:
+    return ast.parse(MODULES[module].read_text("utf-8"), str(MODULES[module]))
+
+
+def _imports(nodes: Iterable[ast.AST]) -> Iterator[str]:
+    """Full names of what these nodes import; ``from a import b`` is a.b."""
+    for node in nodes:
+        if isinstance(node, ast.Import):
+            yield from (alias.name for alias in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            yield from (f"{'.' * node.level}{node.module}.{alias.name}" for alias in node.names)
+
+
+IMPORTS = {module: list(_imports(ast.walk(_tree(module)))) for module in MODULES}
+LIBRARIES = {
+    module: {name.split(".")[0] for name in names} - sys.stdlib_module_names - {"vnav"}
+    for module, names in IMPORTS.items()
+}
+
+
+def _within(module: str, owner: str) -> bool:
+    return module == owner or module.startswith(f"{owner}.")
+
+
+def _part(name: str) -> str:
+    """The part of the house a module, or a name imported from it, belongs to."""
+    names = name.split(".")
+    return names[1] if len(names) > 1 and f"vnav.{names[1]}" in MODULES else "vnav"
+
+
+def _level(name: str) -> int:
+    return next(i for i, parts in enumerate(LEVELS) if _part(name) in parts)
+
+
+def test_every_module_has_its_place_in_the_house() -> None:
+    assert {_part(module) for module in MODULES} <= set().union(*LEVELS)
+
+
+def test_every_folder_with_modules_is_an_installed_package() -> None:
+    folders = {path.parent for path in MODULES.values()}
+    assert not [folder for folder in folders if not (folder / "__init__.py").is_file()]
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))
+    packages = {name for name, path in MODULES.items() if path.name == "__init__.py"}
+    assert set(project["tool"]["setuptools"]["packages"]) == packages
+
+
+def test_imports_are_absolute_and_point_down() -> None:
+    wrong = [
+        f"{module} imports {name}"
+        for module, names in IMPORTS.items()
+        for name in names
+        if name.startswith(".")
+        or name.startswith("vnav")
+        and _part(name) != _part(module)
+        and _level(name) <= _level(module)
+    ]
+    assert not wrong
+
+
+def test_a_library_is_imported_only_by_its_owners() -> None:
+    wrong = [
+        f"{module} imports {library}"
+        for module, libraries in LIBRARIES.items()
+        for library in libraries
+        if not any(_within(module, owner) for owner in OWNERS.get(library, ()))
+    ]
+    assert not wrong
+
+
+def test_in_the_volumes_the_octree_alone_knows_octomap_and_nothing_else_does() -> None:
+    for module in MODULES:
+        if _within(module, "vnav.volumes"):
+            other = "open3d" if module == "vnav.volumes.octree" else "octomap"
+            assert other not in LIBRARIES[module], module
+
+
+def test_core_is_numpy_only_and_touches_no_files() -> None:
+    for module in MODULES:
+        if _within(module, "vnav.core"):
+            assert LIBRARIES[module] <= {"numpy"}, module
+            roots = {name.split(".")[0] for name in IMPORTS[module]}
+            assert not roots & {"pathlib", "os", "io", "json", "shutil", "tempfile"}, module
+
+
+def test_the_command_line_is_thin() -> None:
+    for module in MODULES:
+        if _within(module, "vnav.cli"):
+            assert LIBRARIES[module] <= {"click"}, module
+
+
+def test_stages_meet_on_disk_not_in_imports() -> None:
+    """Only build_map, the chain of them all, calls the stages that make a map."""
+    building = {f"vnav.stages.{stage}" for stage in STAGES}
+    wrong = [
+        f"{module} imports {name}"
+        for module, names in IMPORTS.items()
+        for name in names
+        if _within(module, "vnav.stages") and module != "vnav.stages.build_map"
+        if any(_within(name, stage) and module != stage for stage in building)
+    ]
+    assert not wrong
+
+
+def test_no_module_catches_everything() -> None:
+    caught = [
+        (module, node.lineno)
+        for module in MODULES
+        for node in ast.walk(_tree(module))
+        if isinstance(node, ast.ExceptHandler)
+        if node.type is None or ast.unparse(node.type) in {"Exception", "BaseException"}
+    ]
+    assert not caught
+
+
+def test_no_module_pickles() -> None:
+    picklers = {"pickle", "joblib", "dill", "shelve", "marshal"}
+    for module, names in IMPORTS.items():
+        assert not {name.split(".")[0] for name in names} & picklers, module
+        for node in ast.walk(_tree(module)):
+            if isinstance(node, ast.keyword) and node.arg == "allow_pickle":
+                assert ast.unparse(node.value) == "False", (module, node.value.lineno)
+
+
+def test_no_module_prints_or_draws_numbers_without_a_seed() -> None:
+    calls = [
+        (module, node.lineno, ast.unparse(node.func), node.args)
+        for module in MODULES
+        for node in ast.walk(_tree(module))
+        if isinstance(node, ast.Call)
+    ]
+    assert calls
+    assert not [(m, line) for m, line, called, _ in calls if called == "print"]
+    seedless = [(m, line) for m, line, call, a in calls if call.endswith("default_rng") and not a]
+    assert not seedless
+
+
+def test_the_command_line_starts_without_heavy_libraries() -> None:
+    """No cli module imports one at module level, nor does anything it imports there."""
+    reached: set[str] = set()
+    todo = {name for name in MODULES if _within(name, "vnav.cli")}
+    while todo:
+        module = todo.pop()
+        reached.add(module)
+        names = set(_imports(_tree(module).body))
+        heavy = {name.split(".")[0] for name in names} & HEAVY
+        assert not heavy, f"{module} imports {heavy} when it is imported"
+        names |= {name.rpartition(".")[0] for name in names}
+        todo |= (names & MODULES.keys()) - reached
