@@ -1,0 +1,61 @@
+"""A wheel, installed and run far from the checkout, is whole."""
+
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parent.parent
+SOURCES = ("vnav", "cli", "configs", "datasets", "pyproject.toml", "README.md", "LICENSE")
+
+
+@pytest.fixture(scope="module")
+def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder into which the wheel of this checkout is installed; no network is needed."""
+    source, wheels, site = (tmp_path_factory.mktemp(name) for name in ("source", "wheels", "site"))
+    for name in SOURCES:
+        path = ROOT / name
+        copy = shutil.copytree if path.is_dir() else shutil.copy
+        copy(path, source / name)
+    pip = [sys.executable, "-m", "pip", "--quiet", "--disable-pip-version-check"]
+    build = ["wheel", "--no-deps", "--no-build-isolation", "--wheel-dir", wheels, source]
+    subprocess.run([*pip, *build], check=True)
+    (wheel,) = wheels.glob("vnav-*.whl")
+    subprocess.run([*pip, "install", "--no-deps", "--target", site, wheel], check=True)
+    return site
+
+
+def _run(site: Path, *command: str | Path) -> str:
+    done = subprocess.run(
+        [sys.executable, *command],
+        env=os.environ | {"PYTHONPATH": str(site)},
+        cwd=site.parent,
+        text=True,
+        capture_output=True,
+        check=True,
+    )
+    return done.stdout
+
+
+def test_the_installed_command_runs(site: Path) -> None:
+    assert "vnav" in _run(site, site / "bin" / "vnav", "--version")
+
+
+def test_the_installed_package_brings_its_presets_and_types(site: Path) -> None:
+    code = "import vnav.config; print(vnav.__file__, *vnav.config.presets())"
+    path, *presets = _run(site, "-c", code).split()
+    assert Path(path).is_relative_to(site)
+    assert presets == sorted(path.stem for path in (ROOT / "configs").glob("*.toml"))
+    assert "patent" in presets
+    assert (site / "vnav" / "py.typed").is_file()
+
+
+def test_every_module_of_the_checkout_is_in_the_wheel(site: Path) -> None:
+    expected = {p.relative_to(ROOT) for p in (ROOT / "vnav").rglob("*.py")}
+    for folder in ("cli", "configs", "datasets"):
+        files = (ROOT / folder).rglob("*.py")
+        expected |= {Path("vnav") / p.relative_to(ROOT) for p in files}
+    assert expected == {p.relative_to(site) for p in (site / "vnav").rglob("*.py")}
