@@ -19,6 +19,8 @@ from vnav.errors import MapError, StaleArtifact
 
 FORMAT = 1
 STAGES = ("odometry", "vocabulary", "loops", "optimise", "fuse", "index")
+_LEFTOVERS = tuple(f".{stage}.{end}" for stage in STAGES for end in ("draft", "old"))
+_OWN = (*_LEFTOVERS, *STAGES, "reports", "state")
 
 
 class MapFolder:
@@ -45,24 +47,45 @@ class MapFolder:
         return cls(root)
 
     @classmethod
-    def create(cls, root: Path) -> "MapFolder":
-        """An existing map, or an empty one made here; MapError where that cannot be."""
-        if (root / "map.json").exists():
-            return cls.open(root)
-        if root.exists() and (not root.is_dir() or any(root.iterdir())):
-            raise MapError(
-                f"expected a map or an empty folder at {root}, found other files; name another"
-                " folder with --map"
-            )
+    def create(cls, root: Path, fresh: bool = False) -> "MapFolder":
+        """An existing map, or an empty one made here, that can be written; ``fresh`` empties it.
+
+        What an interrupted run left half-done is removed. MapError where the folder holds
+        something that is no map, or cannot be written.
+        """
+        folder = cls(root)
         try:
+            captures = folder._found(fresh)
             root.mkdir(parents=True, exist_ok=True)
-            write_text(root / "map.json", to_json({"format": FORMAT, "captures": []}))
+            for name in _OWN if fresh else _LEFTOVERS:
+                if (root / name).exists():
+                    shutil.rmtree(root / name)
+            folder.set_captures(captures)
         except OSError as error:
             raise MapError(
-                f"expected to write a map at {root}, found: {error.strerror}; name a writable"
-                " folder with --map"
+                f"expected to write a map at {root}, found: {error.strerror}; give write"
+                " permission or name another folder with --map"
             ) from error
-        return cls(root)
+        return folder
+
+    def _found(self, fresh: bool) -> list[dict[str, Any]]:
+        """The captures of the map that is here, none where it is to be made."""
+        path = self.root / "map.json"
+        if path.exists() and not fresh:
+            return self.open(self.root).captures
+        if path.exists() and "captures" not in _read_json(path):
+            raise MapError(
+                f"expected a map's map.json in {self.root}, found another file of that name, and"
+                " deleted nothing; name another folder with --map"
+            )
+        if not path.exists() and self.root.exists():
+            names = [p.name for p in self.root.iterdir() if p.name != f".{path.name}.draft"]
+            if names:
+                raise MapError(
+                    f"expected a map or an empty folder at {self.root}, found other files"
+                    f" ({min(names)}); name another folder with --map"
+                )
+        return []
 
     @property
     def captures(self) -> list[dict[str, Any]]:
@@ -102,8 +125,7 @@ class MapFolder:
         for name, digest in _read_json(folder / "stage.json")["inputs"].items():
             if name not in STAGES:
                 continue
-            path = self.root / name / "stage.json"
-            if not path.is_file() or _digest(path) != digest:
+            if _digest(self.stage(name) / "stage.json") != digest:
                 raise StaleArtifact(
                     f"stage '{stage}' in {self.root} was made from another '{name}' than is there"
                     f" now; run 'vnav {stage} --map {self.root}' again"
@@ -169,9 +191,11 @@ def write_text(path: Path, text: str) -> None:
 
 def _read_json(path: Path) -> dict[str, Any]:
     try:
-        value: dict[str, Any] = json.loads(path.read_text("utf-8"))
+        value = json.loads(path.read_text("utf-8"))
     except (OSError, ValueError) as error:
-        raise MapError(f"expected JSON in {path}, found: {error}; build the map anew") from error
+        raise MapError(f"expected JSON in {path}, found: {error}; build with --fresh") from error
+    if not isinstance(value, dict):
+        raise MapError(f"expected a JSON object in {path}, found another value; build with --fresh")
     return value
 
 

@@ -1,0 +1,97 @@
+import dataclasses
+from pathlib import Path
+
+import pytest
+
+from vnav import config
+from vnav.errors import ConfigError
+
+
+def test_without_a_source_the_defaults_are_loaded() -> None:
+    assert config.load() == config.Config()
+
+
+def test_a_preset_changes_only_what_it_names() -> None:
+    loaded = config.load("patent")
+    assert (loaded.locate.level_2d_3d, loaded.locate.level_3d_2d) == (3, 5)
+    locate = dataclasses.replace(loaded.locate, **_levels(config.Config().locate))
+    assert dataclasses.replace(loaded, locate=locate) == config.Config()
+
+
+def _levels(locate: config.LocateConfig) -> dict[str, int]:
+    return {"level_2d_3d": locate.level_2d_3d, "level_3d_2d": locate.level_3d_2d}
+
+
+@pytest.mark.parametrize("preset", config.presets())
+def test_every_preset_that_ships_can_be_loaded(preset: str) -> None:
+    assert config.load(preset) != config.Config()
+
+
+def test_a_file_is_loaded_like_a_preset(tmp_path: Path) -> None:
+    path = tmp_path / "mine.toml"
+    path.write_text("seed = 7\n[odometry]\nmax_depth_m = 4\n")
+    loaded = config.load(str(path))
+    assert loaded.seed == 7
+    assert loaded.odometry.max_depth_m == 4.0
+    assert isinstance(loaded.odometry.max_depth_m, float)
+
+
+def test_single_settings_win_over_the_file(tmp_path: Path) -> None:
+    path = tmp_path / "mine.toml"
+    path.write_text("[odometry]\nmax_depth_m = 4.0\n")
+    assert config.load(str(path), ["odometry.max_depth_m=3"]).odometry.max_depth_m == 3.0
+
+
+def test_a_single_setting_may_be_text_a_flag_or_a_number() -> None:
+    settings = [
+        "features.front_end=sift",
+        "features.root_sift=false",
+        "plan.robot_radius_m=.5",
+        "seed=3",
+    ]
+    with pytest.raises(ConfigError, match="robot_radius_m"):
+        config.load(None, settings)  # TOML numbers begin with a digit
+    settings[2] = "plan.robot_radius_m=0.5"
+    loaded = config.load(None, settings)
+    assert not loaded.features.root_sift
+    assert (loaded.plan.robot_radius_m, loaded.seed) == (0.5, 3)
+
+
+@pytest.mark.parametrize(
+    ("setting", "message"),
+    [
+        ("odometry.max_depht_m=4", "did you mean 'max_depth_m'"),
+        ("odometri.max_depth_m=4", "did you mean 'odometry'"),
+        ("odometry.max_depth_m", "section.name=value"),
+        ("odometry.max_depth_m=deep", "expected float"),
+        ("odometry=4", "expected a table"),
+        ("locate.max_features=2.5", "expected int"),
+        ("locate.max_features=true", "expected int"),
+        ("zzz=1", "known are: seed, capture"),
+    ],
+)
+def test_a_setting_that_does_not_fit_is_named(setting: str, message: str) -> None:
+    with pytest.raises(ConfigError, match=message):
+        config.load(None, [setting])
+
+
+def test_a_source_that_is_neither_preset_nor_file_names_the_presets() -> None:
+    with pytest.raises(
+        ConfigError, match=r"expected a preset \(.*patent.*\) or a TOML file.*'no-such'"
+    ):
+        config.load("no-such")
+
+
+@pytest.mark.parametrize("content", [b"[odometry\n", b"\xff\xfe"])
+def test_a_file_that_is_no_toml_is_named(tmp_path: Path, content: bytes) -> None:
+    path = tmp_path / "broken.toml"
+    path.write_bytes(content)
+    with pytest.raises(ConfigError, match=r"expected TOML in .*broken\.toml"):
+        config.load(str(path))
+
+
+def test_every_setting_has_a_default_of_a_plain_type() -> None:
+    for section in dataclasses.fields(config.Config):
+        value = getattr(config.Config(), section.name)
+        for field in dataclasses.fields(value) if dataclasses.is_dataclass(value) else ():
+            assert type(getattr(value, field.name)) in {int, float, str, bool}, field.name
