@@ -1,0 +1,15 @@
+"""Fixtures that several parts' tests share; made once a session, read-only."""
+
+from pathlib import Path
+
+import pytest
+
+from vnav.synthetic import MINIATURE, write_capture
+
+
+@pytest.fixture(scope="session")
+def tiny_capture(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A TUM folder of one synthetic room: 60 frames of 320 x 240 that close a loop, 4 photos."""
+    folder = tmp_path_factory.mktemp("captures") / "miniature"
+    write_capture(folder, MINIATURE)
+    return folder

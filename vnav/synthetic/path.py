@@ -1,0 +1,68 @@
+"""A hand-held walk along a closed tour."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vnav.core import se3
+
+STEP_RAD_PER_M = 1.0  # one radian takes as many frames as one metre
+
+
+def walk(
+    tour: NDArray[np.float64], frames: int, height_m: float, rng: np.random.Generator
+) -> NDArray[np.float64]:
+    """Poses T_world_camera (frames, 4, 4) once around a tour (N, 3) of x, y, yaw.
+
+    The frames are evenly spread in metres or radians, whichever is more; the last frame sees again
+    what the first one saw. The hand sways a little, smoothly.
+    """
+    x, y, yaw = _closed_curve(tour, frames)
+    t = np.linspace(0, 1, frames)
+    z = height_m + _sway(t, 0.04, rng)
+    pitch = np.deg2rad(-15) + _sway(t, np.deg2rad(3), rng)
+    roll = _sway(t, np.deg2rad(1.5), rng)
+    return look(np.stack([x, y, z], -1), yaw + _sway(t, np.deg2rad(1.5), rng), pitch, roll)
+
+
+def look(
+    positions: NDArray[np.float64],
+    yaw: NDArray[np.float64],
+    pitch: NDArray[np.float64],
+    roll: NDArray[np.float64],
+) -> NDArray[np.float64]:
+    """T_world_camera (N, 4, 4); radians: yaw 0 looks along +x, pitch up, roll about the view."""
+    forward = np.stack(
+        [np.cos(yaw) * np.cos(pitch), np.sin(yaw) * np.cos(pitch), np.sin(pitch)], -1
+    )
+    right = np.stack([np.sin(yaw), -np.cos(yaw), np.zeros_like(yaw)], -1)
+    R = np.stack([right, np.cross(forward, right), forward], -1)
+    about_view = se3.exp_so3(roll[..., None] * np.array([0.0, 0, 1]))
+    return se3.make(R @ about_view, positions)
+
+
+def _closed_curve(tour: NDArray[np.float64], frames: int) -> NDArray[np.float64]:
+    """x, y, yaw (3, frames) of a smooth closed curve through the tour."""
+    from scipy.interpolate import CubicSpline
+
+    turns = np.array([0, 0, 2 * np.pi]) * np.rint((tour[-1, 2] - tour[0, 2]) / (2 * np.pi))
+    knots = np.vstack([tour, tour[:1] + turns])
+    at = np.concatenate([[0], np.cumsum(_effort(knots))])
+    drift = np.outer(at / at[-1], turns)
+    spline = CubicSpline(at, knots - drift, bc_type="periodic")
+    fine = np.linspace(0, at[-1], 50 * frames)
+    curve = spline(fine) + np.outer(fine / at[-1], turns)
+    done = np.concatenate([[0], np.cumsum(_effort(curve))])
+    even = np.linspace(0, done[-1], frames)
+    return np.array([np.interp(even, done, curve[:, k]) for k in range(3)])
+
+
+def _effort(curve: NDArray[np.float64]) -> NDArray[np.float64]:
+    steps = np.diff(curve, axis=0)
+    return np.maximum(np.hypot(steps[:, 0], steps[:, 1]), np.abs(steps[:, 2]) / STEP_RAD_PER_M)
+
+
+def _sway(t: NDArray[np.float64], size: float, rng: np.random.Generator) -> NDArray[np.float64]:
+    """A sum of slow sines over t in [0, 1], at most about ``size``."""
+    cycles = rng.uniform(1, 12, 4)
+    phases = rng.uniform(0, 2 * np.pi, 4)
+    return np.asarray(size / 2 * np.sin(2 * np.pi * np.outer(t, cycles) + phases).mean(1) * 2)
