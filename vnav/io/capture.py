@@ -1,9 +1,21 @@
-"""What every capture reader offers, and the choice of the reader."""
+"""What every capture reader offers, and the choice of the reader.
 
+A new format of image files is one module like `vnav.io.tum` and its name in `FORMATS`.
+"""
+
+import dataclasses
+from pathlib import Path
 from typing import Protocol
 
+from vnav.config import CaptureConfig
 from vnav.core.camera import Camera
 from vnav.core.frame import Frame
+from vnav.core.trajectory import Trajectory
+from vnav.errors import CameraError, CaptureError
+from vnav.io import tum
+from vnav.io.camera_file import preset_camera, preset_cameras, read_camera
+from vnav.io.folder_capture import FolderCapture
+from vnav.io.frame_list import FrameList
 
 
 class Capture(Protocol):
@@ -28,3 +40,76 @@ class Capture(Protocol):
 
     def fingerprint(self) -> str:
         """A hash of the capture's content: file names, bytes and camera."""
+
+
+class CaptureFormat(Protocol):
+    """What a module that knows one format of capture folders offers."""
+
+    NAME: str
+    LAYOUT: str  # what its folder holds, for messages
+
+    def recognises(self, root: Path) -> bool:
+        """Whether the folder looks like this format."""
+
+    def list_frames(self, root: Path, config: CaptureConfig) -> FrameList:
+        """Its frames; CaptureError where there are none."""
+
+    def truth_path(self, root: Path, frames: FrameList) -> Path | None:
+        """Where the true trajectory lies, None where there is none."""
+
+    def read_truth(self, path: Path, frames: FrameList, camera: Camera) -> Trajectory:
+        """The true trajectory of the colour camera; for scoring only."""
+
+
+FORMATS: tuple[CaptureFormat, ...] = (tum,)
+
+
+def open_capture(
+    path: Path, config: CaptureConfig, camera_file: Path | None = None
+) -> FolderCapture:
+    """The capture in a folder, read by the format that recognises it.
+
+    Its camera comes from ``camera_file``, else camera.toml in the folder, else the preset that
+    ``config.preset_camera`` names; ``config.units_per_metre`` above 0 replaces the camera's.
+    CaptureError where there is no capture, CameraError where there is no camera.
+    """
+    frames = _format_of(path).list_frames(path, config)
+    return FolderCapture(path, _camera(path, config, camera_file), frames)
+
+
+def truth_of(path: Path, config: CaptureConfig) -> Path | None:
+    """Where the true trajectory of a capture lies, None where it has none."""
+    reader = _format_of(path)
+    return reader.truth_path(path, reader.list_frames(path, config))
+
+
+def _format_of(path: Path) -> CaptureFormat:
+    if not path.is_dir():
+        found = "a file" if path.exists() else "nothing"
+        raise CaptureError(f"expected a capture folder at {path}, found {found}")
+    for candidate in FORMATS:
+        if candidate.recognises(path):
+            return candidate
+    known = "; ".join(f"{reader.LAYOUT} ({reader.NAME})" for reader in FORMATS)
+    entries = sorted(entry.name for entry in path.iterdir())
+    found = ", ".join(entries[:5]) + (" ..." if len(entries) > 5 else "")
+    raise CaptureError(
+        f"expected a capture in {path}, that is one of: {known}; found {found or 'an empty folder'}"
+    )
+
+
+def _camera(path: Path, config: CaptureConfig, camera_file: Path | None) -> Camera:
+    beside = path / "camera.toml"
+    if camera_file is not None or beside.is_file():
+        camera = read_camera(camera_file or beside)
+    elif config.preset_camera:
+        camera = preset_camera(config.preset_camera)
+    else:
+        presets = ", ".join(preset_cameras())
+        raise CameraError(
+            f"expected a camera for {path}, found no camera.toml in it; write one, or name one with"
+            f" --camera FILE, or a preset with --set capture.preset_camera=NAME ({presets})"
+        )
+    if config.units_per_metre > 0:
+        camera = dataclasses.replace(camera, units_per_metre=config.units_per_metre)
+    return camera

@@ -1,0 +1,161 @@
+"""camera.toml: the pinhole cameras of a capture or of photos; see docs/captures.md."""
+
+import difflib
+import math
+import tomllib
+from collections.abc import Mapping
+from importlib import resources
+from pathlib import Path
+from typing import Any
+
+from vnav.core import se3
+from vnav.core.camera import Camera, Intrinsics
+from vnav.errors import CameraError
+
+_PINHOLE = ("fx", "fy", "cx", "cy")
+_COLOR_KEYS = ("width", "height", *_PINHOLE, "distortion")
+_DEPTH_KEYS = ("units_per_metre", *_COLOR_KEYS, "T_color_depth")
+_FARTHEST_M = 1.0  # no depth sensor sits farther from its colour camera
+
+
+def read_camera(path: Path) -> Camera:
+    """The colour camera and depth sensor that a camera.toml describes.
+
+    CameraError names the file, the key, what was expected and what was found.
+    """
+    return _camera(_read(path), str(path))
+
+
+def read_color(path: Path) -> Intrinsics:
+    """The colour camera alone, from a camera.toml whose [depth] may be missing: for photos."""
+    return _color(_read(path), str(path))
+
+
+def preset_camera(name: str) -> Camera:
+    """A camera that ships with vnav; CameraError lists them where there is none of that name."""
+    if name not in preset_cameras():
+        known = ", ".join(preset_cameras())
+        raise CameraError(f"expected a camera preset ({known}), found '{name}'")
+    text = (_presets() / f"{name}.toml").read_text("utf-8")
+    return _camera(tomllib.loads(text), f"camera preset {name}")
+
+
+def preset_cameras() -> list[str]:
+    """Names of the cameras that ship with vnav."""
+    files = (file.name for file in _presets().iterdir())
+    return sorted(name.removesuffix(".toml") for name in files if name.endswith(".toml"))
+
+
+def _presets() -> Any:
+    return resources.files("vnav.configs") / "cameras"
+
+
+def _read(path: Path) -> dict[str, Any]:
+    try:
+        return tomllib.loads(path.read_text("utf-8"))
+    except OSError as error:
+        raise CameraError(f"expected a camera file at {path}, found: {error.strerror}") from error
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise CameraError(f"expected TOML in {path}, found: {error}") from error
+
+
+def _camera(values: Mapping[str, Any], where: str) -> Camera:
+    color = _color(values, where)
+    depth = _table(values, "depth", _DEPTH_KEYS, where)
+    units = _number(depth, "units_per_metre", f"[depth] of {where}", positive=True)
+    if not any(key in depth for key in (*_PINHOLE, "T_color_depth")):
+        return Camera(color, units)
+    size = {"width": color.width, "height": color.height}
+    sensor = _intrinsics(size | dict(depth), f"[depth] of {where}")
+    return Camera(color, units, sensor, _transform(depth, f"[depth] of {where}"))
+
+
+def _color(values: Mapping[str, Any], where: str) -> Intrinsics:
+    _known(values, ("color", "depth"), where)
+    return _intrinsics(_table(values, "color", _COLOR_KEYS, where), f"[color] of {where}")
+
+
+def _table(
+    values: Mapping[str, Any], name: str, keys: tuple[str, ...], where: str
+) -> Mapping[str, Any]:
+    table = values.get(name)
+    if not isinstance(table, Mapping):
+        found = "none" if table is None else repr(table)
+        raise CameraError(f"expected a table [{name}] in {where}, found {found}")
+    _known(table, keys, f"[{name}] of {where}")
+    return table
+
+
+def _known(values: Mapping[str, Any], keys: tuple[str, ...], where: str) -> None:
+    for key in values:
+        if key not in keys:
+            near = difflib.get_close_matches(key, keys, 1)
+            hint = f"did you mean '{near[0]}'?" if near else f"known are: {', '.join(keys)}"
+            raise CameraError(f"unknown key '{key}' in {where}; {hint}")
+
+
+def _intrinsics(table: Mapping[str, Any], where: str) -> Intrinsics:
+    width, height = (_pixels(table, key, where) for key in ("width", "height"))
+    fx, fy = (_number(table, key, where, positive=True) for key in ("fx", "fy"))
+    cx, cy = (_number(table, key, where) for key in ("cx", "cy"))
+    return Intrinsics(width, height, fx, fy, cx, cy, _distortion(table, where))
+
+
+def _distortion(table: Mapping[str, Any], where: str) -> tuple[float, ...]:
+    values = table.get("distortion", [])
+    if not _are_numbers(values) or len(values) not in (0, 4, 5):
+        raise CameraError(
+            f"expected distortion = [k1, k2, p1, p2, k3] in {where}, found {values!r}"
+        )
+    return tuple(float(value) for value in values) if any(values) else ()
+
+
+def _transform(table: Mapping[str, Any], where: str) -> tuple[tuple[float, ...], ...]:
+    rows = table.get("T_color_depth")
+    if rows is None:
+        raise CameraError(
+            f"expected T_color_depth in {where} beside the depth camera's fx, fy, cx, cy, found"
+            " none; where depth is registered to colour, leave all of them out"
+        )
+    square = isinstance(rows, list) and len(rows) == 4
+    if not square or not all(_are_numbers(row) and len(row) == 4 for row in rows):
+        raise CameraError(f"expected T_color_depth as 4 rows of 4 numbers in {where}, found {rows}")
+    if not se3.is_rigid(rows, 1e-3):
+        raise CameraError(
+            f"expected a rotation and a translation in T_color_depth of {where}, found a matrix"
+            f" that is not rigid: {rows}"
+        )
+    distance = math.hypot(*(row[3] for row in rows[:3]))
+    if distance > _FARTHEST_M:
+        raise CameraError(
+            f"expected T_color_depth of {where} in metres, found the cameras {distance:g} m apart;"
+            " divide its translation by 1000 if it is in millimetres"
+        )
+    return tuple(tuple(float(value) for value in row) for row in rows)
+
+
+def _number(table: Mapping[str, Any], key: str, where: str, *, positive: bool = False) -> float:
+    kind = "a positive number" if positive else "a number"
+    value = _required(table, key, kind, where)
+    if not _are_numbers([value]) or (positive and value <= 0):
+        raise CameraError(f"expected {kind} for {key} in {where}, found {value!r}")
+    return float(value)
+
+
+def _pixels(table: Mapping[str, Any], key: str, where: str) -> int:
+    value = _required(table, key, "a number of pixels", where)
+    if type(value) is not int or value <= 0:
+        raise CameraError(f"expected a number of pixels for {key} in {where}, found {value!r}")
+    return value
+
+
+def _required(table: Mapping[str, Any], key: str, kind: str, where: str) -> Any:
+    if key not in table:
+        raise CameraError(f"expected {kind} for {key} in {where}, found none")
+    return table[key]
+
+
+def _are_numbers(values: Any) -> bool:
+    return isinstance(values, list) and all(
+        type(value) in (int, float) and math.isfinite(value) for value in values
+    )

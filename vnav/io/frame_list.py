@@ -1,0 +1,93 @@
+"""Which colour image goes with which depth image: what every reader of image folders finds."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+@dataclass(frozen=True)
+class ImageFile:
+    """An image and its time."""
+
+    stamp_s: float
+    path: Path
+
+
+@dataclass(frozen=True)
+class FramePair:
+    """The two images of a frame."""
+
+    color: ImageFile
+    depth: ImageFile
+
+
+@dataclass(frozen=True)
+class FrameList:
+    """The frames of a capture in order of time, and the images that found no partner."""
+
+    pairs: tuple[FramePair, ...]
+    dropped_color: tuple[ImageFile, ...] = ()
+    dropped_depth: tuple[ImageFile, ...] = ()
+
+    @property
+    def stamps_s(self) -> NDArray[np.float64]:
+        """Times (N,) of the colour images."""
+        return np.array([pair.color.stamp_s for pair in self.pairs])
+
+    @property
+    def offsets_s(self) -> NDArray[np.float64]:
+        """How much later (N,) each depth image was taken than its colour image."""
+        return np.array([pair.depth.stamp_s - pair.color.stamp_s for pair in self.pairs])
+
+    @property
+    def largest_gap_s(self) -> float:
+        """Longest time between two frames in succession; 0 for fewer than two."""
+        return float(np.diff(self.stamps_s).max(initial=0.0))
+
+
+def paired(
+    colors: Sequence[ImageFile], depths: Sequence[ImageFile], matches: NDArray[np.intp]
+) -> FrameList:
+    """The frame list that matches (M, 2), rows of colour and depth, make; the rest is dropped.
+
+    Of several colour images with the same time the first is kept.
+    """
+    by_stamp: dict[float, FramePair] = {}
+    for color, depth in matches:
+        by_stamp.setdefault(colors[color].stamp_s, FramePair(colors[color], depths[depth]))
+    pairs = tuple(by_stamp[stamp] for stamp in sorted(by_stamp))
+    used = {image.path for pair in pairs for image in (pair.color, pair.depth)}
+    return FrameList(
+        pairs,
+        tuple(image for image in colors if image.path not in used),
+        tuple(image for image in depths if image.path not in used),
+    )
+
+
+def associate(
+    stamps_a: NDArray[np.float64], stamps_b: NDArray[np.float64], largest_s: float
+) -> NDArray[np.intp]:
+    """Rows (M, 2) of two lists of times that belong together, one to one, in order of a.
+
+    The smallest differences are taken first, each below ``largest_s``, as the TUM benchmark's
+    associate.py does. Times need not be sorted.
+    """
+    a, b = np.asarray(stamps_a, float), np.asarray(stamps_b, float)
+    order_b = np.argsort(b, kind="stable")
+    first = np.searchsorted(b[order_b], a - largest_s)
+    count = np.searchsorted(b[order_b], a + largest_s, "right") - first
+    row_a = np.repeat(np.arange(len(a)), count)
+    within = np.arange(len(row_a)) - np.repeat(np.cumsum(count) - count, count)
+    row_b = order_b[np.repeat(first, count) + within]
+    differences = np.abs(a[row_a] - b[row_b])
+    free_a, free_b = [True] * len(a), [True] * len(b)
+    matches = []
+    for k in np.lexsort((b[row_b], a[row_a], differences)):
+        i, j = row_a[k], row_b[k]
+        if differences[k] < largest_s and free_a[i] and free_b[j]:
+            free_a[i] = free_b[j] = False
+            matches.append((i, j))
+    return np.array(sorted(matches), np.intp).reshape(-1, 2)
