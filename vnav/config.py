@@ -21,6 +21,8 @@ class CaptureConfig:
 
     association_s: float = 0.02  # largest time between a colour image and its depth
     preset_camera: str = ""  # a camera preset to use where the capture has no camera.toml
+    units_per_metre: float = 0.0  # of stored depth; above 0 it replaces the camera's
+    frame_rate_hz: float = 30.0  # of formats that number their frames and keep no times
 
 
 @dataclass(frozen=True)
