@@ -1,0 +1,98 @@
+import subprocess
+import sys
+from pathlib import Path
+from types import ModuleType
+
+import click
+import pytest
+from vnav.cli import main as entry
+
+from vnav.errors import MapError
+
+
+def run(monkeypatch: pytest.MonkeyPatch, body: object, *arguments: str) -> int:
+    """Exit code of ``vnav try`` whose body returns, or raises, what it is given."""
+
+    @click.command(name="try")
+    def attempt() -> object:
+        if isinstance(body, BaseException):
+            raise body
+        return body
+
+    module = ModuleType("vnav.cli.attempt")
+    module.attempt = attempt  # type: ignore[attr-defined]
+    monkeypatch.setitem(sys.modules, module.__name__, module)
+    monkeypatch.setattr(entry, "COMMANDS", {"attempt": "attempt"})
+    monkeypatch.setattr(sys, "argv", ["vnav", "attempt", *arguments])
+    return entry.main()
+
+
+def test_a_command_that_returns_nothing_exits_with_0(monkeypatch: pytest.MonkeyPatch) -> None:
+    assert run(monkeypatch, None) == 0
+
+
+def test_a_commands_own_exit_code_is_kept(monkeypatch: pytest.MonkeyPatch) -> None:
+    assert run(monkeypatch, 3) == 3
+
+
+def test_an_error_a_user_can_mend_is_one_line_on_stderr_and_exits_with_1(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run(monkeypatch, MapError("expected a map, found none")) == 1
+    assert capsys.readouterr() == ("", "vnav: expected a map, found none\n")
+
+
+def test_a_bug_keeps_its_traceback(monkeypatch: pytest.MonkeyPatch) -> None:
+    with pytest.raises(ZeroDivisionError):
+        run(monkeypatch, ZeroDivisionError())
+
+
+def test_an_interrupted_run_says_that_finished_stages_are_kept(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run(monkeypatch, KeyboardInterrupt()) == 130
+    assert "finished stages are kept" in capsys.readouterr().err
+
+
+def test_wrong_usage_exits_with_2(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run(monkeypatch, None, "--no-such-option") == 2
+    assert "--no-such-option" in capsys.readouterr().err
+
+
+def vnav(*arguments: str, cwd: Path) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, "-m", "vnav.cli.main", *arguments]
+    return subprocess.run(command, cwd=cwd, text=True, capture_output=True, check=False)
+
+
+def test_the_process_exits_with_the_code_of_the_command_line(tmp_path: Path) -> None:
+    assert vnav("--version", cwd=tmp_path).returncode == 0
+    assert vnav("no-such-command", cwd=tmp_path).returncode == 2
+    missing = vnav("info", "no-such-map", cwd=tmp_path)
+    assert (missing.returncode, missing.stdout) == (1, "")
+    assert missing.stderr.startswith("vnav: expected a map at")
+    assert missing.stderr.count("\n") == 1
+
+
+@pytest.mark.parametrize("command", entry.COMMANDS)
+def test_every_command_explains_itself(command: str, capsys: pytest.CaptureFixture[str]) -> None:
+    found = entry.cli.get_command(click.Context(entry.cli), command)
+    assert isinstance(found, click.Command)
+    assert found.name == command
+    assert found.help
+    for parameter in found.params:
+        if isinstance(parameter, click.Option):
+            assert parameter.help, f"{command} {parameter.opts} has no help"
+
+
+def test_the_list_of_commands_shows_every_one_of_them(tmp_path: Path) -> None:
+    listed = vnav("--help", cwd=tmp_path).stdout
+    for command in entry.COMMANDS:
+        assert f"\n  {command} " in listed
+
+
+def test_no_command_at_all_shows_the_help_and_is_wrong_usage(tmp_path: Path) -> None:
+    shown = vnav(cwd=tmp_path)
+    assert shown.returncode == 2
+    assert "build-map" in shown.stderr
