@@ -30,7 +30,7 @@ check: setup
 	$(BIN)/vnav doctor
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
-	cd $(VENV) && bin/mypy --strict --config-file ../pyproject.toml --cache-dir ../.mypy_cache -p vnav -p vnav.cli
+	cd $(VENV) && bin/mypy --strict --config-file ../pyproject.toml --cache-dir ../.mypy_cache -p vnav  # vnav.cli is in it
 
 bench: setup $(VENV)/bench
 	for script in benchmarks/*.py; do $(BIN)/python -P $$script || exit 1; done
