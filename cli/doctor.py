@@ -1,4 +1,4 @@
-"""The command ``vnav doctor``: is this installation whole?"""
+"""The installation check: a table, or JSON; exit code 1 where something is broken."""
 
 import dataclasses
 import json
