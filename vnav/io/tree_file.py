@@ -12,9 +12,9 @@ NAME = "tree.npz"
 
 
 def write_tree(draft: Path, tree: VocabularyTree) -> None:
-    """Write the tree into the draft of its stage, uncompressed so that it loads at once."""
+    """Write the tree into the draft of its stage, uncompressed, so that it loads at once."""
     with (draft / NAME).open("wb") as file:
-        np.savez(file, allow_pickle=False, **tree.to_arrays())
+        np.savez(file, **tree.to_arrays())
 
 
 def load_tree(folder: MapFolder) -> VocabularyTree:
