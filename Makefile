@@ -2,7 +2,7 @@
 #   make demo        make a capture, map it, find a photo in it, plan a path
 #   make test        set-up, the checks of `make check`, all tests that need no capture
 #   make check       doctor, lint, format, types
-#   make bench       speed against peers            make bench-real   accuracy on ../shared/captures
+#   make bench       speed against peers            make bench-real   all on ../shared/captures
 #   make clean       everything that make made
 
 PYTHON ?= python3
@@ -33,10 +33,10 @@ check: setup
 	cd $(VENV) && bin/mypy --strict --config-file ../pyproject.toml --cache-dir ../.mypy_cache -p vnav  # vnav.cli is in it
 
 bench: setup $(VENV)/bench
-	for script in benchmarks/*.py; do $(BIN)/python -P $$script || exit 1; done
+	for script in benchmarks/*.py; do $(BIN)/python $$script || exit 1; done
 
-bench-real: setup $(VENV)/bench
-	for script in benchmarks/real/*.py; do $(BIN)/python -P $$script || exit 1; done
+bench-real: setup
+	$(BIN)/pytest tests/real
 
 clean:
 	rm -rf $(VENV) build dist demo *.egg-info .mypy_cache .pytest_cache .ruff_cache
