@@ -27,7 +27,7 @@ UNITS_PER_METRE = 5000
 FIRST_STAMP_S = 1000.0
 DEPTH_LAG_S = 0.004  # the depth camera exposes a little later; what it sees is written as of now
 PHOTO_CLEARANCE_M = 0.4
-NEAREST_VIEW_M = 1.0  # median depth of a photo is no less
+NEAREST_VIEW_M = 1.5  # median depth of a photo is no less
 
 
 @dataclass(frozen=True)
@@ -41,14 +41,16 @@ class CaptureSpec:
     photo_camera: Intrinsics
     rate_hz: float = 10.0
     height_m: float = 1.3
+    pitch_deg: float = -18.0
     seed: int = 0
     sensor: Sensor = Sensor()
 
 
+KINECT = Intrinsics(640, 480, 525.0, 525.0, 319.5, 239.5)
 PHONE = Intrinsics(800, 600, 655.0, 655.0, 403.2, 297.4)
-DEMO = CaptureSpec("apartment", 240, 12, Intrinsics(640, 480, 525, 525, 319.5, 239.5), PHONE)
+DEMO = CaptureSpec("apartment", 220, 12, KINECT, PHONE)
 MINIATURE = CaptureSpec(
-    "one_room", 60, 4, Intrinsics(320, 240, 262.5, 262.5, 159.5, 119.5), PHONE, rate_hz=5.0
+    "one_room", 60, 4, KINECT.scaled(320, 240), PHONE, rate_hz=5.0, height_m=1.1, pitch_deg=-20.0
 )
 
 
@@ -76,15 +78,20 @@ def write_capture(folder: Path, spec: CaptureSpec, progress: Progress = silent) 
     z up and the floor at z = 0; photos/ holds its own camera.toml and groundtruth.txt.
     """
     scene = SCENES[spec.scene](spec.seed)
-    T_world_camera = walk(np.array(scene.tour), spec.frames, spec.height_m, _rng(spec, 0))
-    _write_frames(folder, scene, spec, T_world_camera, progress)
-    _write_photos(folder / "photos", scene, spec, photo_poses(scene, spec), progress)
+    _write_frames(folder, scene, spec, progress)
+    _write_photos(folder / "photos", scene, spec, progress)
+
+
+def camera_poses(scene: Scene, spec: CaptureSpec) -> NDArray[np.float64]:
+    """T_world_camera (frames, 4, 4) along the scene's tour."""
+    tour = np.array(scene.tour)
+    return walk(tour, spec.frames, spec.height_m, spec.pitch_deg, _rng(spec, 0))
 
 
 def photo_poses(scene: Scene, spec: CaptureSpec) -> NDArray[np.float64]:
     """T_world_camera (photos, 4, 4): places off the path that see what was seen from the path."""
     rng = _rng(spec, 1)
-    T_path = walk(np.array(scene.tour), spec.frames, spec.height_m, _rng(spec, 0))
+    T_path = camera_poses(scene, spec)
     obstacles = scene.grid(0.05, 0.1, 2.0)
     poses: list[NDArray[np.float64]] = []
     while len(poses) < spec.photos:
@@ -102,13 +109,8 @@ def photo_poses(scene: Scene, spec: CaptureSpec) -> NDArray[np.float64]:
     return np.array(poses)
 
 
-def _write_frames(
-    folder: Path,
-    scene: Scene,
-    spec: CaptureSpec,
-    T_world_camera: NDArray[np.float64],
-    progress: Progress,
-) -> None:
+def _write_frames(folder: Path, scene: Scene, spec: CaptureSpec, progress: Progress) -> None:
+    T_world_camera = camera_poses(scene, spec)
     for name in ("rgb", "depth"):
         (folder / name).mkdir(parents=True)
     stamps_s = FIRST_STAMP_S + np.arange(spec.frames) / spec.rate_hz
@@ -136,13 +138,8 @@ def _write_frames(
     (folder / "camera.toml").write_text(_camera_text(spec.camera) + depth, "utf-8")
 
 
-def _write_photos(
-    folder: Path,
-    scene: Scene,
-    spec: CaptureSpec,
-    T_world_camera: NDArray[np.float64],
-    progress: Progress,
-) -> None:
+def _write_photos(folder: Path, scene: Scene, spec: CaptureSpec, progress: Progress) -> None:
+    T_world_camera = photo_poses(scene, spec)
     folder.mkdir()
     names = [f"{k:03d}.jpg" for k in range(spec.photos)]
 

@@ -43,7 +43,7 @@ def bed(length: float, width: float) -> list[Box]:
     mattress = block(0, 0, 0.25, (length, width, 0.22), "fabric")
     head = block(-length / 2 - 0.03, 0, 0, (0.06, width + 0.1, 1.0), "wood")
     pillows = [
-        block(-length / 2 + 0.25, s * width / 4, 0.47, (0.4, 0.55, 0.12), "fabric") for s in (-1, 1)
+        block(-length / 2 + 0.25, s * width / 4, 0.47, (0.4, 0.55, 0.12), "linen") for s in (-1, 1)
     ]
     return [block(0, 0, 0, (length, width, 0.25), "wood"), mattress, head, *pillows]
 
@@ -86,26 +86,23 @@ def wall(
     end: tuple[float, float],
     material: str,
     doors: tuple[float, ...] = (),
-) -> list[Box]:
+) -> tuple[Box, ...]:
     """A wall whose middle runs from start to end, doors of 0.9 m at distances from the start."""
     a, b = np.array(start), np.array(end)
     length, yaw = float(np.hypot(*(b - a))), float(np.arctan2(*(b - a)[::-1]))
     cuts = [0.0, *(d + s * 0.45 for d in doors for s in (-1, 1)), length]
     pieces = [(cuts[k], cuts[k + 1], 0.0) for k in range(0, len(cuts), 2)]
     pieces += [(d - 0.45, d + 0.45, DOOR_M) for d in doors]
-    return [
-        _piece(a + (b - a) / length * (p + q) / 2, q - p, z, yaw, material) for p, q, z in pieces
-    ]
+    boxes = []
+    for near, far, bottom in pieces:
+        x, y = a + (b - a) / length * (near + far) / 2
+        size = (far - near, WALL_M, HEIGHT_M - bottom)
+        boxes.append(Box((float(x), float(y), (HEIGHT_M + bottom) / 2), size, yaw, material))
+    return tuple(boxes)
 
 
-def _piece(middle: np.ndarray, length: float, bottom: float, yaw: float, material: str) -> Box:
-    size = (length, WALL_M, HEIGHT_M - bottom)
-    centre = (float(middle[0]), float(middle[1]), (HEIGHT_M + bottom) / 2)
-    return Box(centre, size, yaw, material)
-
-
-def floor_and_ceiling(x0: float, y0: float, x1: float, y1: float, floor: str) -> list[Box]:
+def floor_and_ceiling(x0: float, y0: float, x1: float, y1: float, floor: str) -> list[tuple[Box]]:
     """Below and above a room."""
     size = (x1 - x0, y1 - y0, 0.1)
     x, y = (x0 + x1) / 2, (y0 + y1) / 2
-    return [block(x, y, -0.1, size, floor), block(x, y, HEIGHT_M, size, "plaster")]
+    return [(block(x, y, -0.1, size, floor),), (block(x, y, HEIGHT_M, size, "plaster"),)]

@@ -9,7 +9,11 @@ STEP_RAD_PER_M = 1.0  # one radian takes as many frames as one metre
 
 
 def walk(
-    tour: NDArray[np.float64], frames: int, height_m: float, rng: np.random.Generator
+    tour: NDArray[np.float64],
+    frames: int,
+    height_m: float,
+    pitch_deg: float,
+    rng: np.random.Generator,
 ) -> NDArray[np.float64]:
     """Poses T_world_camera (frames, 4, 4) once around a tour (N, 3) of x, y, yaw.
 
@@ -17,11 +21,10 @@ def walk(
     what the first one saw. The hand sways a little, smoothly.
     """
     x, y, yaw = _closed_curve(tour, frames)
-    t = np.linspace(0, 1, frames)
-    z = height_m + _sway(t, 0.04, rng)
-    pitch = np.deg2rad(-15) + _sway(t, np.deg2rad(3), rng)
-    roll = _sway(t, np.deg2rad(1.5), rng)
-    return look(np.stack([x, y, z], -1), yaw + _sway(t, np.deg2rad(1.5), rng), pitch, roll)
+    z = height_m + _sway(frames, 0.04, rng)
+    yaw = yaw + _sway(frames, np.deg2rad(1.5), rng)
+    pitch = np.deg2rad(pitch_deg) + _sway(frames, np.deg2rad(3), rng)
+    return look(np.stack([x, y, z], -1), yaw, pitch, _sway(frames, np.deg2rad(1.5), rng))
 
 
 def look(
@@ -61,8 +64,9 @@ def _effort(curve: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.maximum(np.hypot(steps[:, 0], steps[:, 1]), np.abs(steps[:, 2]) / STEP_RAD_PER_M)
 
 
-def _sway(t: NDArray[np.float64], size: float, rng: np.random.Generator) -> NDArray[np.float64]:
-    """A sum of slow sines over t in [0, 1], at most about ``size``."""
-    cycles = rng.uniform(1, 12, 4)
+def _sway(frames: int, size: float, rng: np.random.Generator) -> NDArray[np.float64]:
+    """A sum of slow sines (frames,), below ``size``; a period is 20 frames or more."""
+    per_frame = rng.uniform(0.005, 0.05, 4)
     phases = rng.uniform(0, 2 * np.pi, 4)
-    return np.asarray(size / 2 * np.sin(2 * np.pi * np.outer(t, cycles) + phases).mean(1) * 2)
+    turns = 2 * np.pi * np.outer(np.arange(frames), per_frame)
+    return np.asarray(size * np.sin(turns + phases).mean(1))

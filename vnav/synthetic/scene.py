@@ -15,7 +15,7 @@ from vnav.synthetic.raycast import Rectangles, Textures, color_of, depth_of, pyr
 from vnav.synthetic.textures import texture
 
 TEXEL_M = 0.004
-SMALL_TEXEL_M = 0.002  # on faces below a square metre
+SMALL_TEXEL_M = 0.0025  # on faces below a square metre
 LIGHT = np.array([0.30, 0.45, 0.84])  # where light comes from, most of it
 FACES = np.array([[1, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0], [0, 0, 1], [0, 0, -1]], float)
 
@@ -42,13 +42,17 @@ class Box:
 
 @dataclass(frozen=True)
 class Face:
-    """One face of a box: U points right, V down for who looks at it; ``normal`` at them."""
+    """One face of a box: U points right, V down for who looks at it; ``normal`` at them.
+
+    ``piece`` is the number of the piece of furniture it belongs to.
+    """
 
     corner: NDArray[np.float64]
     u_edge: NDArray[np.float64]
     v_edge: NDArray[np.float64]
     normal: NDArray[np.float64]
     material: str
+    piece: int
 
     @property
     def size_m(self) -> tuple[float, float]:
@@ -62,18 +66,18 @@ class Scene:
 
     Parameters
     ----------
-    boxes
-        Everything in it, walls and floors too.
+    pieces
+        Everything in it, walls and floors too; the boxes of a piece share their colours.
     bounds
         x0, y0, x1, y1, z1 in metres; faces that only somebody outside could see are left out.
     tour
         (N, 3) x, y in metres and yaw in radians (0 along +x, not wrapped) of a closed walk; the
         first row follows on the last.
     seed
-        Of the textures; each face has its own, also among equal boxes.
+        Of the textures; each face has its own pattern, also among equal boxes.
     """
 
-    boxes: tuple[Box, ...]
+    pieces: tuple[tuple[Box, ...], ...]
     bounds: tuple[float, float, float, float, float]
     tour: tuple[tuple[float, float, float], ...]
     seed: int
@@ -100,7 +104,9 @@ class Scene:
     def faces(self) -> tuple[Face, ...]:
         """Every face that can be seen from inside."""
         low, high = np.array([*self.bounds[:2], 0]), np.array(self.bounds[2:])
-        faces = [face for box in self.boxes for face in faces_of(box)]
+        faces = [
+            f for k, piece in enumerate(self.pieces) for box in piece for f in faces_of(box, k)
+        ]
         middles = [f.corner + (f.u_edge + f.v_edge) / 2 + 1e-3 * f.normal for f in faces]
         inside = [bool(((m > low) & (m < high)).all()) for m in middles]
         return tuple(face for face, keep in zip(faces, inside, strict=True) if keep)
@@ -130,7 +136,7 @@ class Scene:
         xy = empty.centres_of(np.moveaxis(np.indices(shape), 0, -1))
         inside = ((xy > (x0, y0)) & (xy < (x1, y1))).all(-1)
         cells = np.where(inside, FREE, UNKNOWN).astype(np.uint8)
-        for box in self.boxes:
+        for box in (box for piece in self.pieces for box in piece):
             bottom, top = box.centre[2] - box.size[2] / 2, box.centre[2] + box.size[2] / 2
             if bottom < high_m and top > low_m:
                 own = np.abs((xy - box.centre[:2]) @ box.R_world_box[:2, :2])
@@ -139,15 +145,16 @@ class Scene:
 
     def _texture(self, index: int) -> NDArray[np.uint8]:
         face = self.faces[index]
-        rng = np.random.default_rng([self.seed, index])
-        area = face.size_m[0] * face.size_m[1]
-        image = texture(face.material, face.size_m, TEXEL_M if area > 1 else SMALL_TEXEL_M, rng)
+        colors = np.random.default_rng([self.seed, 0, face.piece])
+        rng = np.random.default_rng([self.seed, 1, index])
+        texel_m = TEXEL_M if face.size_m[0] * face.size_m[1] > 1 else SMALL_TEXEL_M
+        image = texture(face.material, face.size_m, texel_m, colors, rng)
         light = 0.80 + 0.20 * float(face.normal @ LIGHT)
         return np.asarray(np.clip(image * light, 0, 255), np.uint8)
 
 
-def faces_of(box: Box) -> list[Face]:
-    """The six faces of a box."""
+def faces_of(box: Box, piece: int) -> list[Face]:
+    """The six faces of a box of that piece."""
     faces = []
     half = np.array(box.size) / 2
     for outward in FACES:
@@ -157,7 +164,8 @@ def faces_of(box: Box) -> list[Face]:
         u_edge, v_edge = 2 * half * right, -2 * half * up
         R = box.R_world_box
         material = box.front if outward[0] == 1 and box.front else box.material
-        faces.append(Face(box.centre + R @ corner, R @ u_edge, R @ v_edge, R @ outward, material))
+        axes = (box.centre + R @ corner, R @ u_edge, R @ v_edge, R @ outward)
+        faces.append(Face(*axes, material, piece))
     return faces
 
 

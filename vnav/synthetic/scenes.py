@@ -19,19 +19,20 @@ from vnav.synthetic.furniture import (
 )
 from vnav.synthetic.scene import Box, Scene, placed
 
+Piece = tuple[Box, ...]
 EDGE = 0.05  # half a wall
 
 
 def apartment(seed: int) -> Scene:
     """A living room, a kitchen and a bedroom, 9 x 6.6 m, joined by three doors to a loop."""
     x1, y1, xm, ym = 9.0, 6.6, 4.8, 3.3
-    boxes = [
+    pieces = [
         *floor_and_ceiling(0, 0, xm, y1, "planks"),
         *floor_and_ceiling(xm, 0, x1, ym, "tiles"),
         *floor_and_ceiling(xm, ym, x1, y1, "planks"),
         *_outer_walls(x1, y1),
-        *wall((xm, 0), (xm, y1), "wallpaper", doors=(1.6, 5.0)),
-        *wall((xm, ym), (x1, ym), "plaster", doors=(1.9,)),
+        wall((xm, 0), (xm, y1), "wallpaper", doors=(1.6, 5.0)),
+        wall((xm, ym), (x1, ym), "plaster", doors=(1.9,)),
         *_living_room(),
         *_kitchen(),
         *_bedroom(),
@@ -40,11 +41,11 @@ def apartment(seed: int) -> Scene:
         (1.7, 1.6, 25),
         (3.3, 1.7, 0),
         (4.8, 1.6, 5),
-        (6.0, 1.4, 25),
-        (6.8, 1.9, 70),
-        (6.7, 3.3, 90),
-        (6.6, 4.3, 60),
-        (7.2, 4.6, 130),
+        (6.0, 1.5, 30),
+        (6.7, 2.0, 100),
+        (6.7, 3.3, 105),
+        (6.7, 4.2, 70),
+        (6.9, 4.6, 120),
         (6.4, 4.9, 190),
         (4.8, 5.0, 180),
         (3.4, 5.0, 185),
@@ -52,31 +53,31 @@ def apartment(seed: int) -> Scene:
         (1.4, 3.6, 270),
         (1.2, 2.4, 330),
     )
-    return Scene(tuple(boxes), (0, 0, x1, y1, HEIGHT_M), tour, seed)
+    return Scene(tuple(pieces), (0, 0, x1, y1, HEIGHT_M), tour, seed)
 
 
 def one_room(seed: int) -> Scene:
     """A furnished room of 5 x 4.4 m, walked around in a circle while looking across."""
     x1, y1 = 5.0, 4.4
-    boxes = [
+    pieces = [
         *floor_and_ceiling(0, 0, x1, y1, "planks"),
         *_outer_walls(x1, y1),
-        *placed(sofa(1.9), 0.55, 2.2, 0),
-        *placed(hung(1.2, 0.8, 1.55, "painting"), EDGE, 2.2, 0),
-        *placed(shelf(1.1, 5), 4.75, 1.2, 180),
-        *placed(table(1.2, 0.7), 4.3, 3.2, 180),
-        *placed(chair(), 3.75, 3.3, 10),
-        *placed(cupboard(1.2, 0.9), 2.6, 0.32, 90),
-        *placed(hung(0.7, 0.5, 1.5, "painting"), 2.5, EDGE, 90),
-        *placed(hung(1.5, 1.1, 1.5, "window"), 2.4, y1 - EDGE, -90),
-        *placed(hung(0.5, 0.7, 1.6, "painting"), x1 - EDGE, 3.0, 180),
-        *placed(rug(1.6, 1.1), 2.4, 2.3, 15),
+        placed(sofa(1.9), 0.55, 2.2, 0),
+        placed(hung(1.2, 0.8, 1.55, "painting"), EDGE, 2.2, 0),
+        placed(shelf(1.1, 5), 4.75, 1.2, 180),
+        placed(table(1.2, 0.7), 4.3, 3.2, 180),
+        placed(chair(), 3.75, 3.3, 10),
+        placed(cupboard(1.2, 0.9), 2.6, 0.32, 90),
+        placed(hung(0.7, 0.5, 1.5, "painting"), 2.5, EDGE, 90),
+        placed(hung(1.5, 1.1, 1.5, "window"), 2.4, y1 - EDGE, -90),
+        placed(hung(0.5, 0.7, 1.6, "painting"), x1 - EDGE, 3.0, 180),
+        placed(rug(1.6, 1.1), 2.4, 2.3, 15),
     ]
     angles = np.deg2rad(np.arange(0, 360, 45))
     circle = [
-        (2.5 + 0.85 * np.cos(a), 2.2 + 0.75 * np.sin(a), float(np.rad2deg(a)) + 165) for a in angles
+        (2.5 + 0.95 * np.cos(a), 2.2 + 0.85 * np.sin(a), float(np.rad2deg(a)) + 170) for a in angles
     ]
-    return Scene(tuple(boxes), (0, 0, x1, y1, HEIGHT_M), _tour(*circle), seed)
+    return Scene(tuple(pieces), (0, 0, x1, y1, HEIGHT_M), _tour(*circle), seed)
 
 
 SCENES: dict[str, Callable[[int], Scene]] = {"apartment": apartment, "one_room": one_room}
@@ -86,54 +87,54 @@ def _tour(*stops: tuple[float, float, float]) -> tuple[tuple[float, float, float
     return tuple((x, y, float(np.deg2rad(yaw_deg))) for x, y, yaw_deg in stops)
 
 
-def _outer_walls(x1: float, y1: float) -> list[Box]:
+def _outer_walls(x1: float, y1: float) -> list[Piece]:
     return [
-        *wall((0, 0), (x1, 0), "wallpaper"),
-        *wall((0, y1), (x1, y1), "wallpaper"),
-        *wall((0, 0), (0, y1), "plaster"),
-        *wall((x1, 0), (x1, y1), "plaster"),
+        wall((0, 0), (x1, 0), "wallpaper"),
+        wall((0, y1), (x1, y1), "wallpaper"),
+        wall((0, 0), (0, y1), "plaster"),
+        wall((x1, 0), (x1, y1), "plaster"),
     ]
 
 
-def _living_room() -> list[Box]:
+def _living_room() -> list[Piece]:
     return [
-        *placed(sofa(2.1), 2.6, 3.1, -90),
-        *placed(table(1.0, 0.55, 0.42), 2.6, 2.1, -90),
-        *placed(shelf(1.6, 6), 0.22, 2.6, 0),
-        *placed(cupboard(1.6, 0.55), 2.6, 0.32, 90),
-        *placed(hung(1.3, 0.8, 1.5, "painting"), 2.6, EDGE, 90),
-        *placed(table(1.5, 0.85), 1.0, 5.8, 90),
-        *placed(chair(), 1.6, 5.1, 100),
-        *placed(hung(1.6, 1.2, 1.5, "window"), EDGE, 4.8, 0),
-        *placed(hung(0.8, 1.0, 1.55, "painting"), 3.2, 6.6 - EDGE, -90),
-        *placed(cupboard(0.9, 1.3), 4.5, 3.3, 180),
-        *placed(hung(0.6, 0.6, 1.75, "painting"), 4.8 - EDGE, 3.3, 180),
-        *placed(rug(2.2, 1.5), 2.6, 1.7, 85),
+        placed(sofa(2.1), 2.6, 3.1, -90),
+        placed(table(1.0, 0.55, 0.42), 2.6, 2.1, -90),
+        placed(shelf(1.6, 6), 0.22, 2.6, 0),
+        placed(cupboard(1.6, 0.55), 2.6, 0.32, 90),
+        placed(hung(1.3, 0.8, 1.5, "painting"), 2.6, EDGE, 90),
+        placed(table(1.5, 0.85), 1.0, 5.8, 90),
+        placed(chair(), 1.6, 5.1, 100),
+        placed(hung(1.6, 1.2, 1.5, "window"), EDGE, 4.8, 0),
+        placed(hung(0.8, 1.0, 1.55, "painting"), 3.2, 6.6 - EDGE, -90),
+        placed(cupboard(0.9, 1.3), 4.5, 3.3, 180),
+        placed(hung(0.6, 0.6, 1.75, "painting"), 4.8 - EDGE, 3.3, 180),
+        placed(rug(2.2, 1.5), 2.6, 1.7, 85),
     ]
 
 
-def _kitchen() -> list[Box]:
+def _kitchen() -> list[Piece]:
     return [
-        *placed(cupboard(2.4, 0.9, 0.6), 7.3, 0.35, 90),
-        *placed(hung(2.0, 0.6, 1.75, "drawers"), 7.3, EDGE, 90),
-        *placed(cupboard(0.7, 1.9, 0.65), 5.4, 0.38, 90),
-        *placed(table(0.9, 0.8), 8.2, 2.1, 180),
-        *placed(chair(), 7.55, 2.2, 15),
-        *placed(hung(1.3, 1.1, 1.5, "window"), 9.0 - EDGE, 1.7, 180),
-        *placed(hung(0.9, 0.6, 1.5, "painting"), 8.2, 3.3 - EDGE, -90),
-        *placed(shelf(0.7, 3), 5.35, 3.08, -90),
-        *placed(hung(0.6, 0.45, 1.6, "painting"), 5.4, 3.3 - EDGE, -90),
+        placed(cupboard(2.4, 0.9, 0.6), 7.3, 0.35, 90),
+        placed(hung(2.0, 0.6, 1.75, "drawers"), 7.3, EDGE, 90),
+        placed(cupboard(0.7, 1.9, 0.65), 5.4, 0.38, 90),
+        placed(table(0.9, 0.8), 8.2, 2.1, 180),
+        placed(chair(), 7.55, 2.2, 15),
+        placed(hung(1.3, 1.1, 1.5, "window"), 9.0 - EDGE, 1.7, 180),
+        placed(hung(0.9, 0.6, 1.5, "painting"), 8.2, 3.3 - EDGE, -90),
+        placed(shelf(0.7, 3), 5.35, 3.08, -90),
+        placed(hung(0.6, 0.45, 1.6, "painting"), 5.4, 3.3 - EDGE, -90),
     ]
 
 
-def _bedroom() -> list[Box]:
+def _bedroom() -> list[Piece]:
     return [
-        *placed(bed(2.0, 1.5), 7.9, 5.75, 180),
-        *placed(hung(1.0, 0.7, 1.6, "painting"), 9.0 - EDGE, 5.7, 180),
-        *placed(cupboard(1.4, 2.0, 0.55), 8.2, 3.65, 90),
-        *placed(cupboard(0.45, 0.5, 0.4), 8.72, 4.7, 180),
-        *placed(hung(1.4, 1.1, 1.5, "window"), 6.6, 6.6 - EDGE, -90),
-        *placed(shelf(0.9, 4), 5.4, 6.38, -90),
-        *placed(hung(0.7, 0.9, 1.5, "painting"), 4.8 + EDGE, 4.0, 0),
-        *placed(rug(1.7, 1.1), 6.2, 5.2, 95),
+        placed(bed(2.0, 1.5), 7.9, 5.75, 180),
+        placed(hung(1.0, 0.7, 1.6, "painting"), 9.0 - EDGE, 5.7, 180),
+        placed(cupboard(1.4, 2.0, 0.55), 8.2, 3.65, 90),
+        placed(cupboard(0.45, 0.5, 0.4), 8.72, 4.7, 180),
+        placed(hung(1.4, 1.1, 1.5, "window"), 6.6, 6.6 - EDGE, -90),
+        placed(shelf(0.9, 4), 5.4, 6.38, -90),
+        placed(hung(0.7, 0.9, 1.5, "painting"), 4.8 + EDGE, 4.0, 0),
+        placed(rug(1.7, 1.1), 6.2, 5.2, 95),
     ]
