@@ -1,0 +1,60 @@
+"""From captures to a finished map: claim 3, every stage in its turn."""
+
+import resource
+import time
+from collections.abc import Sequence
+
+from vnav.config import Config
+from vnav.core.progress import Progress, silent
+from vnav.core.report import Report
+from vnav.errors import MapError
+from vnav.io.capture import Capture
+from vnav.io.map_folder import MapFolder
+from vnav.stages.common import finished
+
+
+def build_map(
+    folder: MapFolder,
+    captures: Sequence[Capture],
+    config: Config,
+    *,
+    progress: Progress = silent,
+) -> list[Report]:
+    """Run every stage that is not up to date; their reports in order, that of the whole run last.
+
+    MapError where the map was made of other captures.
+    """
+    from vnav.stages import fuse, index, loops, odometry, optimise, pictures, vocabulary
+
+    started = time.monotonic()
+    expect_captures(folder, captures)
+    reports = [
+        odometry.run(folder, captures, config, progress=progress),
+        vocabulary.run(folder, config, progress=progress),
+        loops.run(folder, config, progress=progress),
+        optimise.run(folder, config, progress=progress),
+        fuse.run(folder, config, progress=progress),
+        index.run(folder, config, progress=progress),
+    ]
+    pictures.draw(folder)
+    return [*reports, finished(folder, _whole(folder), started)]
+
+
+def expect_captures(folder: MapFolder, captures: Sequence[Capture]) -> None:
+    """MapError where a map exists and was made of captures of other names."""
+    found = [capture.name for capture in captures]
+    made_of = [capture["name"] for capture in folder.captures]
+    if made_of and made_of != found:
+        raise MapError(
+            f"expected {', '.join(made_of)}, of which the map {folder.root} was made, found"
+            f" {', '.join(found)}; name another folder with --map, or start anew with --fresh"
+        )
+
+
+def _whole(folder: MapFolder) -> Report:
+    files = [path for path in folder.root.rglob("*") if path.is_file()]
+    size_mb = sum(path.stat().st_size for path in files) / 1e6
+    memory_mb = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
+    values = {"map_mb": round(size_mb, 1), "peak_memory_mb": round(memory_mb)}
+    lines = (f"{size_mb:.0f} MB on disk, peak memory {memory_mb:.0f} MB",)
+    return Report("map", values, lines)
