@@ -3,9 +3,9 @@ from pathlib import Path
 
 import pytest
 from click.testing import CliRunner
-from vnav.cli.doctor import doctor as command
 
 from vnav import doctor
+from vnav.cli.doctor import doctor as command
 
 ROOT = Path(__file__).parent.parent
 

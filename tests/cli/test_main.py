@@ -5,8 +5,8 @@ from types import ModuleType
 
 import click
 import pytest
-from vnav.cli import main as entry
 
+from vnav.cli import main as entry
 from vnav.errors import MapError
 
 
