@@ -12,10 +12,11 @@ from vnav.core.camera import Camera
 from vnav.core.frame import Frame
 from vnav.core.trajectory import Trajectory
 from vnav.errors import CameraError, CaptureError
-from vnav.io import tum
+from vnav.io import color_depth, seven_scenes, tum
 from vnav.io.camera_file import preset_camera, preset_cameras, read_camera
 from vnav.io.folder_capture import FolderCapture
 from vnav.io.frame_list import FrameList
+from vnav.io.trajectories import read_tum
 
 
 class Capture(Protocol):
@@ -28,6 +29,14 @@ class Capture(Protocol):
     @property
     def camera(self) -> Camera:
         """The camera as described; frames are delivered undistorted and registered."""
+
+    @property
+    def frames(self) -> FrameList:
+        """Which images make which frame, and which found no partner."""
+
+    @property
+    def truth(self) -> Path | None:
+        """Where the true trajectory lies, None where there is none; for scoring only."""
 
     def __len__(self) -> int:
         """Number of frames that have both colour and depth."""
@@ -61,7 +70,7 @@ class CaptureFormat(Protocol):
         """The true trajectory of the colour camera; for scoring only."""
 
 
-FORMATS: tuple[CaptureFormat, ...] = (tum,)
+FORMATS: tuple[CaptureFormat, ...] = (tum, seven_scenes, color_depth)
 
 
 def open_capture(
@@ -73,14 +82,29 @@ def open_capture(
     ``config.preset_camera`` names; ``config.units_per_metre`` above 0 replaces the camera's.
     CaptureError where there is no capture, CameraError where there is no camera.
     """
-    frames = _format_of(path).list_frames(path, config)
-    return FolderCapture(path, _camera(path, config, camera_file), frames)
+    reader = _format_of(path)
+    frames = reader.list_frames(path, config)
+    camera = _camera(path, config, camera_file)
+    return FolderCapture(path, camera, frames, reader.truth_path(path, frames))
 
 
 def truth_of(path: Path, config: CaptureConfig) -> Path | None:
     """Where the true trajectory of a capture lies, None where it has none."""
     reader = _format_of(path)
     return reader.truth_path(path, reader.list_frames(path, config))
+
+
+def read_truth(path: Path, config: CaptureConfig, camera_file: Path | None = None) -> Trajectory:
+    """The true trajectory from a TUM file, or the one that comes with a capture folder.
+
+    For scoring only. CaptureError where the folder has none.
+    """
+    if path.is_file():
+        return read_tum(path)
+    capture = open_capture(path, config, camera_file)
+    if capture.truth is None:
+        raise CaptureError(f"expected a true trajectory in {path}, found none")
+    return _format_of(path).read_truth(capture.truth, capture.frames, capture.camera)
 
 
 def _format_of(path: Path) -> CaptureFormat:

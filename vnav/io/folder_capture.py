@@ -22,8 +22,10 @@ from vnav.io.rectify import Rectifier
 class FolderCapture:
     """Frames from image files: read, undistorted, registered."""
 
-    def __init__(self, root: Path, camera: Camera, frames: FrameList) -> None:
-        self.root, self.camera, self.frames = root, camera, frames
+    def __init__(
+        self, root: Path, camera: Camera, frames: FrameList, truth: Path | None = None
+    ) -> None:
+        self.root, self.camera, self.frames, self.truth = root, camera, frames, truth
 
     @property
     def name(self) -> str:

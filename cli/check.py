@@ -1,0 +1,47 @@
+"""Tell whether a capture is fit to be mapped."""
+
+import json
+from pathlib import Path
+
+import click
+
+from vnav.cli.build_map import camera_option, capture_argument
+from vnav.cli.options import config_options, console_progress
+
+
+@click.command()
+@capture_argument
+@config_options
+@camera_option
+@click.option("--json", "as_json", is_flag=True, help="Print the report as one JSON object.")
+def check(
+    capture_dir: Path,
+    config_source: str | None,
+    settings: tuple[str, ...],
+    camera_file: Path | None,
+    as_json: bool,
+) -> int:
+    """Look at the RGB-D frames in the folder CAPTURE before a map is made of them.
+
+    Every file is read, some frames are measured. Exit code 1 where something would stop a map.
+    """
+    from vnav import config
+    from vnav.io.capture import open_capture
+    from vnav.stages import check as stage
+
+    resolved = config.load(config_source, settings)
+    capture = open_capture(capture_dir, resolved.capture, camera_file)
+    report = stage.inspect(capture, progress=console_progress())
+    problems = stage.problems(report)
+    if as_json:
+        click.echo(json.dumps(report.as_dict() | {"problems": problems}, indent=1))
+        return int(bool(problems))
+    for line in stage.summary(report):
+        click.echo(line)
+    for warning in report.warnings:
+        click.echo(f"warning  {warning}")
+    for problem in problems:
+        click.echo(f"FATAL    {problem}")
+    if not problems:
+        click.echo("fit to be mapped")
+    return int(bool(problems))
