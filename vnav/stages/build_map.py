@@ -24,10 +24,10 @@ def build_map(
 
     MapError where the map was made of other captures.
     """
-    from vnav.stages import fuse, index, loops, odometry, optimise, pictures, vocabulary
-
     started = time.monotonic()
     expect_captures(folder, captures)
+    from vnav.stages import fuse, index, loops, odometry, optimise, pictures, vocabulary
+
     reports = [
         odometry.run(folder, captures, config, progress=progress),
         vocabulary.run(folder, config, progress=progress),

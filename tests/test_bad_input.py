@@ -1,0 +1,148 @@
+"""Bad input ends with one line that names it and exit code 1, never with a traceback."""
+
+import shutil
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from vnav.cli.main import main
+
+FRAMES = 16  # enough of the tiny capture for a map
+
+Vnav = Callable[..., tuple[int, str, str]]
+
+
+@pytest.fixture
+def vnav(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Vnav:
+    """Runs a command line in this process: exit code, stdout, stderr."""
+
+    def run(*arguments: object) -> tuple[int, str, str]:
+        monkeypatch.setattr(sys, "argv", ["vnav", *map(str, arguments)])
+        code = main()
+        return code, *capsys.readouterr()
+
+    return run
+
+
+@pytest.fixture
+def capture(tiny_capture: Path, tmp_path: Path) -> Path:
+    """The first frames of the tiny capture, to be spoilt."""
+    folder = tmp_path / "capture"
+    for kind in ("rgb", "depth"):
+        lines = (tiny_capture / f"{kind}.txt").read_text().splitlines()
+        header = [line for line in lines if line.startswith("#")]
+        rows = lines[len(header) : len(header) + FRAMES]
+        (folder / kind).mkdir(parents=True)
+        (folder / f"{kind}.txt").write_text("\n".join([*header, *rows]) + "\n")
+        for row in rows:
+            shutil.copy(tiny_capture / row.split()[1], folder / kind)
+    shutil.copy(tiny_capture / "camera.toml", folder)
+    return folder
+
+
+def fails(vnav: Vnav, capture: Path, *options: object) -> str:
+    """The one line that build-map ends with."""
+    target = () if "--map" in options else ("--map", capture.parent / "map")
+    code, out, err = vnav("build-map", capture, *target, *options)
+    assert (code, out) == (1, "")
+    last = err.splitlines()[-1]
+    assert last.startswith("vnav: ")
+    return last
+
+
+def test_an_empty_folder_is_no_capture(vnav: Vnav, tmp_path: Path) -> None:
+    (tmp_path / "empty").mkdir()
+    assert "expected a capture" in fails(vnav, tmp_path / "empty")
+    assert not (tmp_path / "map").exists()
+
+
+def test_a_capture_that_is_not_there_is_named(vnav: Vnav, tmp_path: Path) -> None:
+    assert str(tmp_path / "nowhere") in fails(vnav, tmp_path / "nowhere")
+
+
+def test_a_missing_camera_is_asked_for(vnav: Vnav, capture: Path) -> None:
+    (capture / "camera.toml").unlink()
+    said = fails(vnav, capture)
+    assert "camera.toml" in said
+    assert "--camera" in said
+
+
+def test_colour_without_depth_is_no_capture(vnav: Vnav, capture: Path) -> None:
+    (capture / "depth.txt").unlink()
+    shutil.rmtree(capture / "depth")
+    assert "depth" in fails(vnav, capture)
+
+
+def test_depth_that_is_zero_everywhere_is_named(vnav: Vnav, capture: Path) -> None:
+    for path in (capture / "depth").iterdir():
+        cv2.imwrite(str(path), np.zeros((240, 320), np.uint16))
+    assert "depth" in fails(vnav, capture)
+
+
+@pytest.mark.parametrize("wrong", [500, 50000])
+def test_depth_units_that_cannot_be_are_named_with_a_value_that_fits(
+    wrong: int, vnav: Vnav, capture: Path
+) -> None:
+    camera = capture / "camera.toml"
+    text = camera.read_text()
+    assert "units_per_metre = 5000" in text
+    camera.write_text(text.replace("5000", str(wrong)))
+    said = fails(vnav, capture)
+    assert "units_per_metre" in said
+    assert "5000" in said
+    assert "--force" in said
+
+
+def test_two_sizes_of_images_are_named(vnav: Vnav, capture: Path) -> None:
+    for path in sorted((capture / "rgb").iterdir())[::2]:
+        image = cv2.imread(str(path))
+        assert image is not None
+        cv2.imwrite(str(path), cv2.resize(image, (160, 120)))
+    said = fails(vnav, capture)
+    assert "160" in said
+    assert "320" in said
+
+
+def test_a_map_of_another_format_is_left_alone(vnav: Vnav, capture: Path) -> None:
+    folder = capture.parent / "map"
+    folder.mkdir()
+    (folder / "map.json").write_text('{"format": 99, "captures": []}\n')
+    said = fails(vnav, capture)
+    assert "format 1" in said
+    assert "found 99" in said
+    assert (folder / "map.json").read_text() == '{"format": 99, "captures": []}\n'
+
+
+def test_a_map_of_another_capture_is_left_alone(vnav: Vnav, capture: Path) -> None:
+    folder = capture.parent / "map"
+    folder.mkdir()
+    (folder / "map.json").write_text('{"format": 1, "captures": [{"id": 0, "name": "other"}]}\n')
+    said = fails(vnav, capture)
+    assert "expected other" in said
+    assert "--fresh" in said
+
+
+@pytest.mark.parametrize("place", ["/sys/vnav-map", "camera.toml/map"])
+def test_a_map_that_cannot_be_written_is_named(place: str, vnav: Vnav, capture: Path) -> None:
+    """Not even root may make a folder in /sys, or one inside a file."""
+    said = fails(vnav, capture, "--map", capture / place)
+    assert f"expected to write a map at {capture / place}" in said
+
+
+def test_an_unknown_setting_is_named_before_any_work(vnav: Vnav, capture: Path) -> None:
+    said = fails(vnav, capture, "--set", "odometry.max_depht_m=4")
+    assert "did you mean 'max_depth_m'" in said
+
+
+def test_a_truncated_image_is_skipped_and_named(vnav: Vnav, capture: Path) -> None:
+    damaged = sorted((capture / "depth").iterdir())[FRAMES // 2]
+    damaged.write_bytes(damaged.read_bytes()[:2000])
+    code, out, err = vnav("build-map", capture, "--map", capture.parent / "map")
+    assert code == 0
+    assert f"{FRAMES - 1} of {FRAMES} frames tracked" in out
+    assert damaged.name in out
+    assert damaged.name in err

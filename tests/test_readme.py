@@ -1,0 +1,61 @@
+"""Every command line that README and docs show is run, and every link leads somewhere.
+
+A ``console`` block's lines that begin with "$ " are run in order, a document in one folder, where
+my_capture, photo.jpg and goal.jpg lie; each must exit with 0. ``sh`` blocks need a network, or
+minutes, and are not run.
+"""
+
+import os
+import re
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parent.parent
+DOCUMENTS = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
+
+
+def commands(document: Path) -> list[str]:
+    blocks = re.findall(r"^```console\n(.*?)^```", document.read_text("utf-8"), re.M | re.S)
+    return [line[2:] for block in blocks for line in block.splitlines() if line.startswith("$ ")]
+
+
+@pytest.mark.parametrize(
+    "document", [d for d in DOCUMENTS if commands(d)], ids=lambda document: document.name
+)
+def test_the_commands_of_a_document_run(document: Path, tiny_capture: Path, tmp_path: Path) -> None:
+    (tmp_path / "my_capture").symlink_to(tiny_capture)
+    photos = sorted((tiny_capture / "photos").glob("*.jpg"))
+    for name, photo in zip(("photo.jpg", "goal.jpg"), photos, strict=False):
+        shutil.copy(photo, tmp_path / name)
+    shutil.copy(tiny_capture / "photos" / "camera.toml", tmp_path)
+    path = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
+    for command in commands(document):
+        done = subprocess.run(
+            ["bash", "-c", command],
+            cwd=tmp_path,
+            env=os.environ | {"PATH": path},
+            text=True,
+            capture_output=True,
+        )
+        assert done.returncode == 0, f"$ {command}\n{done.stdout}{done.stderr}"
+
+
+def test_the_readme_shows_commands() -> None:
+    assert len(commands(ROOT / "README.md")) >= 4
+
+
+@pytest.mark.parametrize("document", DOCUMENTS, ids=lambda document: document.name)
+def test_the_links_of_a_document_lead_somewhere(document: Path) -> None:
+    for target in re.findall(r"\]\(([^)#:]+)\)", document.read_text("utf-8")):
+        assert (document.parent / target).exists(), target
+
+
+def test_the_readme_names_every_command() -> None:
+    from vnav.cli.main import COMMANDS
+
+    text = (ROOT / "README.md").read_text("utf-8")
+    assert not [command for command in COMMANDS if command not in text]
