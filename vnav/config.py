@@ -31,7 +31,7 @@ class FeaturesConfig:
 
     front_end: str = "sift"
     max_features: int = 1500
-    contrast_threshold: float = 0.02
+    contrast_threshold: float = 0.006  # low: bare walls have weak features, and they hold
     edge_threshold: float = 10.0
     root_sift: bool = True
 
@@ -42,6 +42,9 @@ class RegistrationConfig:
 
     ratio: float = 0.8  # nearest / second-nearest descriptor distance
     mutual: bool = True
+    max_distance: float = 0.8  # of unit descriptors: farther ones are no match near a prediction
+    search_radius_px: float = 40.0  # about where the last motion, gone on with, puts a feature
+    polish_radius_px: float = 8.0  # about where the motion found puts it
     pixel_sigma_px: float = 1.0
     depth_sigma_per_m2: float = 0.0025  # axial depth noise: sigma = this * depth^2
     depth_window_px: int = 5  # window of the plane fit that gives a keypoint its depth
@@ -55,13 +58,12 @@ class RegistrationConfig:
 class OdometryConfig:
     """Frame-to-frame odometry and the choice of keyframes."""
 
-    min_depth_m: float = 0.3
-    max_depth_m: float = 8.0
+    max_depth_m: float = 8.0  # farther depth is not used for features
     keyframe_translation_m: float = 0.25
     keyframe_rotation_deg: float = 15.0
-    keyframe_shared: float = 0.35  # new keyframe below this share of the keyframe's features seen
+    keyframe_shared: float = 0.5  # new keyframe below this share of the predecessor's inliers
     recent_keyframes: int = 10  # tried, newest first, when predecessor and last keyframe fail
-    max_speed_m_s: float = 5.0
+    similar_keyframes: int = 5  # tried by appearance after those
 
 
 @dataclass(frozen=True)
@@ -78,20 +80,24 @@ class VocabularyConfig:
 class LoopsConfig:
     """Loop candidates and their verification."""
 
-    candidates: int = 8  # per keyframe
+    candidates: int = 5  # by appearance, per keyframe
+    min_relative_score: float = 0.3  # of the similarity between neighbouring keyframes
     exclude_s: float = 5.0  # keyframes nearer in time are no loop
     min_inliers: int = 25
     min_inlier_share: float = 0.25
+    proximity_rounds: int = 2
+    proximity_overlap: float = 0.3  # share of the view that both must see
+    proximity_candidates: int = 8  # per keyframe and round
 
 
 @dataclass(frozen=True)
 class OptimiseConfig:
-    """Pose graph, landmarks, bundle adjustment, world frame."""
+    """Pose graph, landmarks, bundle adjustment."""
 
-    max_closure_sigmas: float = 6.0
-    bundle_iterations: int = 20
-    min_track: int = 2
-    huber_sigmas: float = 2.0
+    max_closure_sigmas: float = 4.0  # a closure farther off after the optimisation is wrong
+    bundle_rounds: int = 3  # each ends with the removal of outlying observations
+    bundle_iterations: int = 10  # per round
+    weak_observations: int = 30  # a keyframe with fewer is also held by its odometry
 
 
 @dataclass(frozen=True)

@@ -1,5 +1,6 @@
 """What the stages of a map hand to each other."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -68,6 +69,14 @@ class Sightings:
     px: NDArray[np.float32]
     depth_m: NDArray[np.float32]
 
+    @classmethod
+    def joined(cls, parts: Sequence["Sightings"]) -> "Sightings":
+        """All parts, one after another; no parts give no rows."""
+        none = np.zeros(0, np.int32), np.zeros(0, np.int32), np.zeros(0, np.int32)
+        empty = cls(*none, np.zeros((0, 2), np.float32), np.zeros(0, np.float32))
+        columns = zip(*(vars(part).values() for part in (empty, *parts)), strict=True)
+        return cls(*(np.concatenate(column) for column in columns))
+
 
 @dataclass(frozen=True)
 class Odometry:
@@ -89,10 +98,15 @@ class Odometry:
 
 @dataclass(frozen=True)
 class LoopVerdict:
-    """One candidate pair of keyframes (numbers into the keyframes), accepted or not, and why."""
+    """One candidate pair of keyframes (numbers into the keyframes), accepted or not, and why.
+
+    ``source``: "appearance", "ends" or "proximity"; ``score`` its TF-IDF similarity or, for
+    proximity, the share of the view that both see.
+    """
 
     i: int
     j: int
+    source: str
     score: float
     accepted: bool
     reason: str

@@ -1,0 +1,220 @@
+"""Bundle adjustment of keyframes and landmarks, with reprojection and depth terms."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import gtsam
+import numpy as np
+from numpy.typing import NDArray
+
+from vnav.config import RegistrationConfig
+from vnav.core import se3
+from vnav.core.camera import Intrinsics
+from vnav.core.frame import Edge
+
+Array = NDArray[np.float64]
+BASELINE_M = 0.1  # virtual: it only turns inverse depth into the disparity that gtsam measures
+HUBER_SIGMAS = 1.5
+
+
+@dataclass(frozen=True)
+class Observations:
+    """M sightings of landmarks by cameras.
+
+    ``landmark``, ``camera`` (M,) rows; ``px`` (M, 2); ``inverse_depth`` (M,) 1/m, NaN where the
+    camera had no depth there.
+    """
+
+    landmark: NDArray[np.int32]
+    camera: NDArray[np.int32]
+    px: Array
+    inverse_depth: Array
+
+    def __getitem__(self, selection: Any) -> "Observations":
+        """The selected observations."""
+        return Observations(*(column[selection] for column in vars(self).values()))
+
+    def __len__(self) -> int:
+        return len(self.landmark)
+
+
+@dataclass(frozen=True)
+class Bundle:
+    """Poses (K, 4, 4) and points (L, 3)."""
+
+    T_world_camera: Array
+    points_world: Array
+
+
+class SensorModel:
+    """The camera and its noise: residuals in standard deviations."""
+
+    def __init__(self, intrinsics: Sequence[Intrinsics], config: RegistrationConfig) -> None:
+        self.intrinsics = intrinsics  # one a camera row
+        self.pixel_sigma = config.pixel_sigma_px
+        self.depth_sigma = config.depth_sigma_per_m2
+        self._table = np.array([(i.fx, i.fy, i.cx, i.cy) for i in intrinsics])
+        self.focal_px = self._table[:, 0]
+
+    def squared_residuals(self, bundle: Bundle, seen: Observations) -> Array:
+        """Squared residuals (M,) in standard deviations; infinite behind the camera."""
+        p, _ = self._in_camera(bundle, seen)
+        front = p[:, 2] > 0.05
+        w = 1 / np.where(front, p[:, 2], 1.0)
+        off = self._reprojection(p, seen)
+        d = np.nan_to_num(w - seen.inverse_depth)
+        squared = (off**2).sum(1) / self.pixel_sigma**2 + (d / self.depth_sigma) ** 2
+        return np.where(front, squared, np.inf)
+
+    def rms_px(self, bundle: Bundle, seen: Observations) -> float:
+        """Root mean square reprojection error; NaN without observations."""
+        if not len(seen):
+            return float("nan")
+        off = self._reprojection(self._in_camera(bundle, seen)[0], seen)
+        return float(np.sqrt((off**2).sum(1).mean()))
+
+    def point_sigmas(self, bundle: Bundle, seen: Observations) -> Array:
+        """Standard deviation (L,) of each point given the poses, root mean square over the axes.
+
+        Infinite for a point that its observations do not fix.
+        """
+        p, R = self._in_camera(bundle, seen)
+        w, k = 1 / p[:, 2], self._table[seen.camera]
+        J = np.zeros((len(p), 3, 3))
+        J[:, 0, 0], J[:, 1, 1], J[:, 2, 2] = k[:, 0] * w, k[:, 1] * w, -(w**2)
+        J[:, :2, 2] = -k[:, :2] * p[:, :2] * w[:, None] ** 2
+        J /= np.array([self.pixel_sigma, self.pixel_sigma, self.depth_sigma])[:, None]
+        J[~np.isfinite(seen.inverse_depth), 2] = 0
+        J = J @ R
+        information = np.zeros((len(bundle.points_world), 3, 3))
+        np.add.at(information, seen.landmark, np.swapaxes(J, 1, 2) @ J)
+        fixed = np.linalg.eigvalsh(information)[:, 0] > 1.0  # a metre at the most
+        safe = np.where(fixed[:, None, None], information, np.eye(3))
+        variance = np.trace(np.linalg.inv(safe), axis1=1, axis2=2) / 3
+        return np.where(fixed, np.sqrt(variance), np.inf)
+
+    def _in_camera(self, bundle: Bundle, seen: Observations) -> tuple[Array, Array]:
+        """Points (M, 3) in their cameras, and rotations (M, 3, 3) from the world."""
+        T = se3.inverse(bundle.T_world_camera)[seen.camera]
+        points = bundle.points_world[seen.landmark]
+        return (T[:, :3, :3] @ points[:, :, None])[..., 0] + T[:, :3, 3], T[:, :3, :3]
+
+    def _reprojection(self, points_camera: Array, seen: Observations) -> Array:
+        k = self._table[seen.camera]
+        z = np.where(points_camera[:, 2] > 0.05, points_camera[:, 2], 1.0)
+        return k[:, :2] * points_camera[:, :2] / z[:, None] + k[:, 2:] - seen.px
+
+
+def adjust(
+    initial: Bundle,
+    seen: Observations,
+    edges: Sequence[Edge],
+    model: SensorModel,
+    iterations: int,
+) -> Bundle:
+    """Poses and points that explain all observations best; the first camera stays where it is.
+
+    A stereo factor with a virtual baseline gives depth noise that grows with depth squared;
+    observations without depth are plain projections. ``edges`` hold cameras that see little.
+    Levenberg-Marquardt with a Huber kernel; deterministic.
+    """
+    graph, values = _problem(initial, seen, edges, model)
+    params = gtsam.LevenbergMarquardtParams()
+    params.setMaxIterations(iterations)
+    params.setRelativeErrorTol(1e-5)
+    values = gtsam.LevenbergMarquardtOptimizer(graph, values, params).optimize()
+    poses, points = initial.T_world_camera.copy(), initial.points_world.copy()
+    for k in _cameras(seen, edges):
+        poses[k] = values.atPose3(_pose(k)).matrix()
+    for n in np.unique(seen.landmark):
+        points[n] = values.atPoint3(_point(n))
+    return Bundle(poses, points)
+
+
+def covariances(
+    bundle: Bundle, seen: Observations, edges: Sequence[Edge], model: SensorModel
+) -> Array:
+    """Marginal covariance (K, 6, 6) of each camera's tangent, rotation first; NaN if unseen.
+
+    Relative to the first camera, which is held.
+    """
+    graph, values = _problem(bundle, seen, edges, model)
+    marginals = gtsam.Marginals(graph, values)
+    result = np.full((len(bundle.T_world_camera), 6, 6), np.nan)
+    for k in _cameras(seen, edges):
+        result[k] = marginals.marginalCovariance(_pose(k))
+    return result
+
+
+def _problem(
+    bundle: Bundle, seen: Observations, edges: Sequence[Edge], model: SensorModel
+) -> tuple[Any, Any]:
+    graph, values = gtsam.NonlinearFactorGraph(), gtsam.Values()
+    cameras = _cameras(seen, edges)
+    for k in cameras:
+        values.insert(_pose(k), gtsam.Pose3(bundle.T_world_camera[k]))
+    for n in np.unique(seen.landmark):
+        values.insert(_point(n), bundle.points_world[n])
+    fixed = gtsam.noiseModel.Isotropic.Sigma(6, 1e-5)
+    first = _pose(int(cameras[0]))
+    graph.add(gtsam.PriorFactorPose3(first, values.atPose3(first), fixed))
+    _add_observations(graph, seen, model)
+    for e in edges:
+        noise = gtsam.noiseModel.Gaussian.Information(e.information)
+        graph.add(gtsam.BetweenFactorPose3(_pose(e.i), _pose(e.j), gtsam.Pose3(e.T_i_j), noise))
+    return graph, values
+
+
+def _cameras(seen: Observations, edges: Sequence[Edge]) -> NDArray[np.int64]:
+    joined = np.array([[e.i, e.j] for e in edges], np.int64).ravel()
+    return np.unique(np.concatenate([seen.camera.astype(np.int64), joined]))
+
+
+def _add_observations(graph: Any, seen: Observations, model: SensorModel) -> None:
+    noise_px, noise_stereo = _noise(model)
+    stereo = [gtsam.Cal3_S2Stereo(i.fx, i.fy, 0, i.cx, i.cy, BASELINE_M) for i in model.intrinsics]
+    mono = [gtsam.Cal3_S2(i.fx, i.fy, 0, i.cx, i.cy) for i in model.intrinsics]
+    disparity = model.focal_px[seen.camera] * BASELINE_M * seen.inverse_depth
+    rows = zip(
+        seen.camera.tolist(),
+        seen.landmark.tolist(),
+        seen.px.tolist(),
+        disparity.tolist(),
+        strict=True,
+    )
+    for camera, landmark, (u, v), d in rows:
+        keys = _pose(camera), _point(landmark)
+        if d == d:
+            measured = gtsam.StereoPoint2(u, u - d, v)
+            graph.add(
+                gtsam.GenericStereoFactor3D(measured, noise_stereo[camera], *keys, stereo[camera])
+            )
+        else:
+            graph.add(
+                gtsam.GenericProjectionFactorCal3_S2(
+                    np.array([u, v]), noise_px, *keys, mono[camera]
+                )
+            )
+
+
+def _noise(model: SensorModel) -> tuple[Any, list[Any]]:
+    """Robust noise of a pixel, and of (left u, right u, v) for each camera."""
+    huber = gtsam.noiseModel.mEstimator.Huber.Create(HUBER_SIGMAS)
+    s2 = model.pixel_sigma**2
+    pixel = gtsam.noiseModel.Isotropic.Sigma(2, model.pixel_sigma)
+    stereo = []
+    for i in model.intrinsics:
+        d2 = (i.fx * BASELINE_M * model.depth_sigma) ** 2
+        covariance = np.array([[s2, s2, 0], [s2, s2 + d2, 0], [0, 0, s2]])
+        gaussian = gtsam.noiseModel.Gaussian.Covariance(covariance)
+        stereo.append(gtsam.noiseModel.Robust.Create(huber, gaussian))
+    return gtsam.noiseModel.Robust.Create(huber, pixel), stereo
+
+
+def _pose(k: int) -> int:
+    return int(gtsam.symbol("x", int(k)))
+
+
+def _point(n: int) -> int:
+    return int(gtsam.symbol("l", int(n)))

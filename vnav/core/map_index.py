@@ -1,0 +1,113 @@
+"""The index of a map: what finding a photo needs, laid out so that words are ranges of rows."""
+
+from dataclasses import dataclass, fields
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vnav.core.arrays import frozen
+
+
+@dataclass(frozen=True)
+class MapIndex:
+    """Landmarks, their descriptors in the order of the vocabulary tree's leaves, and visibility.
+
+    Parameters
+    ----------
+    points_world, sigma_m
+        (L, 3) and (L,) float32: the landmarks and their standard deviation.
+    descriptors, owner
+        (D, 128) uint8 and (D,) int32: one mean descriptor per landmark and word, and its landmark.
+    patch_world
+        (D, 3) float32: from the landmark along its descriptor's orientation to the edge of the
+        described patch, parallel to the image plane of the keyframes that saw it.
+    span
+        (nodes, 2) int32: rows of the descriptors below a node of the tree, first and one past last.
+    seen_start, seen_by
+        (L + 1,) and (M,) int32: landmark l was seen by the keyframes
+        ``seen_by[seen_start[l]:seen_start[l + 1]]``.
+    sees_start, sees
+        (K + 1,) and (M,) int32: the same the other way round, landmarks of a keyframe.
+    beside
+        (K, K) bool: keyframes that look at the same part of the place; each is beside itself.
+    T_world_keyframe, keyframe_covariance
+        (K, 4, 4) and (K, 6, 6) float64.
+    stranger
+        (1,) float32: descriptor distance at which a landmark typically has its nearest landmark
+        elsewhere in the map; stands in for a second-nearest that a word does not hold.
+    """
+
+    points_world: NDArray[np.float32]
+    sigma_m: NDArray[np.float32]
+    descriptors: NDArray[np.uint8]
+    owner: NDArray[np.int32]
+    patch_world: NDArray[np.float32]
+    span: NDArray[np.int32]
+    seen_start: NDArray[np.int32]
+    seen_by: NDArray[np.int32]
+    sees_start: NDArray[np.int32]
+    sees: NDArray[np.int32]
+    beside: NDArray[np.bool_]
+    T_world_keyframe: NDArray[np.float64]
+    keyframe_covariance: NDArray[np.float64]
+    stranger: NDArray[np.float32]
+
+    def __post_init__(self) -> None:
+        landmarks, descriptors = len(self.points_world), len(self.descriptors)
+        keyframes, seen = len(self.T_world_keyframe), len(self.seen_by)
+        shapes: dict[str, tuple[type, tuple[int | None, ...]]] = {
+            "points_world": (np.float32, (landmarks, 3)),
+            "sigma_m": (np.float32, (landmarks,)),
+            "descriptors": (np.uint8, (descriptors, None)),
+            "owner": (np.int32, (descriptors,)),
+            "patch_world": (np.float32, (descriptors, 3)),
+            "span": (np.int32, (None, 2)),
+            "seen_start": (np.int32, (landmarks + 1,)),
+            "seen_by": (np.int32, (seen,)),
+            "sees_start": (np.int32, (keyframes + 1,)),
+            "sees": (np.int32, (seen,)),
+            "beside": (np.bool_, (keyframes, keyframes)),
+            "T_world_keyframe": (np.float64, (keyframes, 4, 4)),
+            "keyframe_covariance": (np.float64, (keyframes, 6, 6)),
+            "stranger": (np.float32, (1,)),
+        }
+        for name, (dtype, shape) in shapes.items():
+            object.__setattr__(self, name, frozen(getattr(self, name), dtype, shape))
+
+    @classmethod
+    def names(cls) -> tuple[str, ...]:
+        """Names of the arrays, in order."""
+        return tuple(f.name for f in fields(cls))
+
+    @property
+    def keyframes(self) -> int:
+        """Number of keyframes."""
+        return len(self.T_world_keyframe)
+
+    def keyframes_of(
+        self, landmarks: NDArray[np.int32]
+    ) -> tuple[NDArray[np.intp], NDArray[np.int32]]:
+        """Every sighting of the given landmarks (N,): position in the argument, and keyframe."""
+        position, row = rows_of(self.seen_start, landmarks)
+        return position, self.seen_by[row]
+
+    def landmarks_of(self, keyframes: NDArray[np.intp]) -> NDArray[np.int32]:
+        """Landmarks that any of the keyframes saw, ascending."""
+        return np.unique(self.sees[rows_of(self.sees_start, keyframes)[1]])
+
+
+def rows_of(
+    start: NDArray[np.int32], groups: NDArray[np.intp] | NDArray[np.int32]
+) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """Rows of the given groups: position of the group in the argument, and row, one a row."""
+    return ranges(start[groups], start[1:][groups])
+
+
+def ranges(
+    begin: NDArray[np.int32], end: NDArray[np.int32]
+) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """All numbers of the ranges [begin, end), and which range (R,) each comes from."""
+    count = (end - begin).astype(np.intp)
+    source = np.repeat(np.arange(len(count)), count)
+    offset = np.arange(len(source)) - np.repeat(np.cumsum(count) - count, count)
+    return source, begin[source] + offset

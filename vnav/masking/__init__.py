@@ -1,1 +1,0 @@
-"""Which pixels show moving things; the default keeps everything."""

@@ -1,0 +1,220 @@
+"""The pose graph: trusted edges, closures that may be wrong, one robust optimum; claim 3, S7."""
+
+from collections import deque
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import gtsam
+import numpy as np
+from numpy.typing import NDArray
+
+from vnav.core import se3
+from vnav.core.frame import Edge
+from vnav.core.mapping import LOST
+from vnav.errors import VnavError
+
+Array = NDArray[np.float64]
+NEAR_M, NEAR_RAD = 0.3, 0.2  # two closures that place a segment alike
+INLIER_PROBABILITY = 0.9999  # of a right closure to pass the chi-squared test
+
+
+@dataclass(frozen=True)
+class PoseGraph:
+    """Optimised poses (N, 4, 4), NaN where no edge reaches, and which closures (C,) were kept.
+
+    ``closure_sigmas`` (C,): each closure's residual at the optimum, in standard deviations.
+    """
+
+    T_world_camera: Array
+    kept: NDArray[np.bool_]
+    closure_sigmas: Array
+    error_before: float
+    error_after: float
+
+
+def optimise(
+    initial: Array, edges: Sequence[Edge], closures: Sequence[Edge], max_sigmas: float
+) -> PoseGraph:
+    """The poses that fit all trusted edges and those closures that agree with them.
+
+    Graduated non-convexity with truncated least squares (Yang et al. 2020) over the closures, then
+    rejection of any that is still more than ``max_sigmas`` off, then a last least-squares fit.
+    ``initial`` (N, 4, 4) may hold NaN for frames that no edge names. Deterministic.
+    """
+    nodes = np.flatnonzero(np.isfinite(initial[:, 0, 0]))
+    values = _values(initial, nodes)
+    kept = np.ones(len(closures), bool)
+    if closures:
+        graph = _graph(initial, nodes, [*edges, *closures])
+        values, kept = _graduated(graph, values, len(closures))
+        sigmas = np.array([_sigmas(values, e) for e in closures])
+        kept &= sigmas <= max_sigmas
+    graph = _graph(initial, nodes, [*edges, *(e for e, k in zip(closures, kept, strict=True) if k)])
+    before = graph.error(_values(initial, nodes))
+    values = gtsam.LevenbergMarquardtOptimizer(graph, values).optimize()
+    sigmas = np.array([_sigmas(values, e) for e in closures])
+    return PoseGraph(_poses(values, initial), kept, sigmas, before, graph.error(values))
+
+
+def chain(
+    count: int, edges: Sequence[Edge], roots: Sequence[int]
+) -> tuple[Array, NDArray[np.int32]]:
+    """Poses (N, 4, 4) and segments (N,) of frames from their edges, breadth first from the roots.
+
+    Each segment starts at its first root; frames that no edge reaches are NaN and LOST.
+    """
+    neighbours: dict[int, list[tuple[int, Array]]] = {}
+    for e in edges:
+        neighbours.setdefault(e.i, []).append((e.j, e.T_i_j))
+        neighbours.setdefault(e.j, []).append((e.i, se3.inverse(e.T_i_j)))
+    poses = np.full((count, 4, 4), np.nan)
+    segment = np.full(count, LOST, np.int32)
+    for root in roots:
+        if segment[root] != LOST:
+            continue
+        poses[root], segment[root] = np.eye(4), segment.max() + 1
+        queue = deque([root])
+        while queue:
+            i = queue.popleft()
+            for j, T_i_j in neighbours.get(i, ()):
+                if segment[j] == LOST:
+                    poses[j], segment[j] = poses[i] @ T_i_j, segment[i]
+                    queue.append(j)
+    return poses, segment
+
+
+def carry(poses: Array, edges: Sequence[Edge], held: NDArray[np.intp]) -> Array:
+    """Poses (N, 4, 4) of all frames by their edges, where those of the rows ``held`` are final."""
+    nodes = np.flatnonzero(np.isfinite(poses[:, 0, 0]))
+    graph = gtsam.NonlinearFactorGraph()
+    for n in held:
+        graph.add(gtsam.NonlinearEqualityPose3(int(n), gtsam.Pose3(poses[n])))
+    for e in edges:
+        graph.add(_between(e))
+    return _poses(gtsam.LevenbergMarquardtOptimizer(graph, _values(poses, nodes)).optimize(), poses)
+
+
+def join(
+    T_segment_camera: Array, segment: NDArray[np.int32], closures: Sequence[Edge]
+) -> tuple[Array, NDArray[np.int32]]:
+    """Poses (N, 4, 4) with segments laid beside each other by closures, and the parts (N,) left.
+
+    Two segments are joined by the closure that most others between them agree with. Frames of one
+    part share a frame of reference: that of the part's first segment.
+    """
+    poses, part = T_segment_camera.copy(), segment.copy()
+    while True:
+        between = _between_parts(poses, part, closures)
+        if not between:
+            return poses, part
+        (a, b), transforms = max(between.items(), key=lambda item: (len(item[1]), item[0]))
+        rows = part == b
+        poses[rows] = _consensus(np.stack(transforms)) @ poses[rows]
+        part[rows] = a
+
+
+def _between_parts(
+    poses: Array, part: NDArray[np.int32], closures: Sequence[Edge]
+) -> dict[tuple[int, int], list[Array]]:
+    """For each two parts a < b, the transformations ``T_a_b`` that closures give."""
+    found: dict[tuple[int, int], list[Array]] = {}
+    for e in closures:
+        a, b = int(part[e.i]), int(part[e.j])
+        if a != b:
+            T_a_b = poses[e.i] @ e.T_i_j @ se3.inverse(poses[e.j])
+            pair, T = ((a, b), T_a_b) if a < b else ((b, a), se3.inverse(T_a_b))
+            found.setdefault(pair, []).append(T)
+    return found
+
+
+def _consensus(transforms: Array) -> Array:
+    """The one of (N, 4, 4) that most others are near to."""
+    apart = se3.inverse(transforms)[:, None] @ transforms
+    near = np.linalg.norm(apart[..., :3, 3], axis=-1) < NEAR_M
+    near &= se3.rotation_angle(apart) < NEAR_RAD
+    best: Array = transforms[near.sum(1).argmax()]
+    return best
+
+
+def write_g2o(path: str, T_world_camera: Array, edges: Sequence[Edge]) -> None:
+    """Write poses and edges in the g2o text format (VERTEX_SE3:QUAT, EDGE_SE3:QUAT)."""
+    nodes = np.flatnonzero(np.isfinite(T_world_camera[:, 0, 0]))
+    inside = set(nodes.tolist())
+    graph = gtsam.NonlinearFactorGraph()
+    for e in edges:
+        if e.i in inside and e.j in inside:
+            graph.add(_between(e))
+    gtsam.writeG2o(graph, _values(T_world_camera, nodes), path)
+
+
+def self_test() -> None:
+    """Raise VnavError where gtsam does not close a square of four poses against one wrong loop."""
+    step = se3.make(se3.exp_so3([0, 0, np.pi / 2]), [1.0, 0, 0])
+    edges = [Edge(k, k + 1, step, np.eye(6) * 100) for k in range(3)]
+    closures = [Edge(3, 0, step, np.eye(6) * 100), Edge(0, 2, np.eye(4), np.eye(6) * 100)]
+    initial = np.stack([np.linalg.matrix_power(step, k) for k in range(4)])
+    result = optimise(initial, edges, closures, 6.0)
+    if result.kept.tolist() != [True, False] or result.error_after > 1e-9:
+        raise VnavError("expected gtsam to refuse a wrong loop, it did not; reinstall gtsam")
+
+
+def _graduated(graph: Any, values: Any, closures: int) -> tuple[Any, NDArray[np.bool_]]:
+    params = gtsam.GncLMParams(gtsam.LevenbergMarquardtParams())
+    params.setLossType(gtsam.GncLossType.TLS)
+    params.setKnownInliers(list(range(graph.size() - closures)))
+    optimizer = gtsam.GncLMOptimizer(graph, values, params)
+    optimizer.setInlierCostThresholdsAtProbability(INLIER_PROBABILITY)
+    result = optimizer.optimize()
+    return result, np.asarray(optimizer.getWeights())[-closures:] > 0.5
+
+
+def _graph(initial: Array, nodes: NDArray[np.intp], edges: Sequence[Edge]) -> Any:
+    """Edges, after one prior for the first node of each connected part."""
+    graph = gtsam.NonlinearFactorGraph()
+    tight = gtsam.noiseModel.Isotropic.Sigma(6, 1e-4)
+    for n in _first_nodes(nodes, edges):
+        graph.add(gtsam.PriorFactorPose3(int(n), gtsam.Pose3(initial[n]), tight))
+    for e in edges:
+        graph.add(_between(e))
+    return graph
+
+
+def _first_nodes(nodes: NDArray[np.intp], edges: Sequence[Edge]) -> list[int]:
+    parent = {int(n): int(n) for n in nodes}
+
+    def root(n: int) -> int:
+        while parent[n] != n:
+            parent[n] = n = parent[parent[n]]
+        return n
+
+    for e in edges:
+        a, b = sorted((root(e.i), root(e.j)))
+        parent[b] = a
+    return sorted({root(int(n)) for n in nodes})
+
+
+def _between(e: Edge) -> Any:
+    noise = gtsam.noiseModel.Gaussian.Information(e.information)
+    return gtsam.BetweenFactorPose3(e.i, e.j, gtsam.Pose3(e.T_i_j), noise)
+
+
+def _values(poses: Array, nodes: NDArray[np.intp]) -> Any:
+    values = gtsam.Values()
+    for n in nodes:
+        values.insert(int(n), gtsam.Pose3(poses[n]))
+    return values
+
+
+def _poses(values: Any, like: Array) -> Array:
+    poses = np.full_like(like, np.nan)
+    for n in np.flatnonzero(np.isfinite(like[:, 0, 0])):
+        poses[n] = values.atPose3(int(n)).matrix()
+    return poses
+
+
+def _sigmas(values: Any, e: Edge) -> float:
+    """Residual of an edge in standard deviations of one degree of freedom."""
+    T_i_j = values.atPose3(e.i).between(values.atPose3(e.j)).matrix()
+    xi = gtsam.Pose3.Logmap(gtsam.Pose3(se3.inverse(e.T_i_j) @ T_i_j))
+    return float(np.sqrt(xi @ e.information @ xi / 6))

@@ -1,0 +1,143 @@
+"""Landmarks: tracks of features over keyframes, adjusted together with the keyframes' poses."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vnav.bundle import Bundle, Observations, SensorModel, adjust, covariances
+from vnav.config import OptimiseConfig
+from vnav.core import se3
+from vnav.core.frame import Edge
+from vnav.core.mapping import Keyframe, Landmarks
+from vnav.core.tracks import merge
+
+Array = NDArray[np.float64]
+Rows = NDArray[np.intp]
+OUTLIER_SIGMAS_SQUARED = 16.3  # chi-squared, 3 degrees of freedom: 99.9 %
+FIRST_SLACK = 9.0  # the first poses' errors exceed the noise: outliers go step by step
+HELD_SIGMAS = np.array([0.01, 0.01, 0.01, 0.03, 0.03, 0.03])  # rad, m: of a weak keyframe's edge
+
+
+class Tracks:
+    """Every feature of every keyframe as an observation of its track's 3D point."""
+
+    def __init__(self, keyframes: Sequence[Keyframe], matches: NDArray[np.int32]) -> None:
+        counts = np.array([len(k.features) for k in keyframes], np.int32)
+        camera = np.repeat(np.arange(len(counts), dtype=np.int32), counts)
+        px = np.concatenate([k.features.keypoints_px for k in keyframes]).astype(float)
+        self.points_camera = np.concatenate([k.points_camera for k in keyframes]).astype(float)
+        self.feature = np.concatenate([np.arange(n, dtype=np.int32) for n in counts])
+        track = merge(matches, counts)
+        self.seen = Observations(track, camera, px, 1 / self.points_camera[:, 2])
+        self.count = int(track.max(initial=-1)) + 1
+
+    def lifted(self, T_world_camera: Array, rows: Rows) -> Array:
+        """Points (L, 3): the mean of a track's lifted features, weighted by depth's precision.
+
+        Only the given rows count; NaN for a track none of whose features has depth.
+        """
+        T = T_world_camera[self.seen.camera[rows]]
+        points = (T[:, :3, :3] @ self.points_camera[rows, :, None])[..., 0] + T[:, :3, 3]
+        good = np.isfinite(points[:, 0])
+        track, points = self.seen.landmark[rows][good], points[good]
+        weight = self.points_camera[rows, 2][good] ** -4
+        total = np.bincount(track, weight, self.count)
+        sums = [np.bincount(track, weight * p, self.count) for p in points.T]
+        with np.errstate(invalid="ignore"):
+            return np.stack(sums, 1) / total[:, None]
+
+
+@dataclass(frozen=True)
+class Adjusted:
+    """Keyframe poses (K, 4, 4) and covariances (K, 6, 6), landmarks, and the error on the way."""
+
+    T_world_camera: Array
+    covariance: Array
+    landmarks: Landmarks
+    observations: int
+    rms_px_before: float
+    rms_px_after: float
+
+
+def adjust_landmarks(
+    T_world_camera: Array,
+    tracks: Tracks,
+    neighbours: Sequence[tuple[int, int]],
+    model: SensorModel,
+    config: OptimiseConfig,
+) -> Adjusted:
+    """Bundle adjustment in rounds, each after dropping the observations that stand out.
+
+    ``neighbours``: pairs of keyframes that odometry joined; their motion from the given poses
+    holds a keyframe that sees too few landmarks.
+    """
+    rows = np.flatnonzero(np.isfinite(T_world_camera[:, 0, 0])[tracks.seen.camera])
+    points = tracks.lifted(T_world_camera, rows)
+    rows = rows[np.isfinite(points[:, 0])[tracks.seen.landmark[rows]]]
+    bundle = Bundle(T_world_camera, points)
+    rms = []
+    for k in range(config.bundle_rounds):
+        rows = _inliers(bundle, tracks, rows, model, FIRST_SLACK if k == 0 else 1.0)
+        shared = rows[_is_shared(tracks.seen.landmark[rows])]
+        held = _weak_edges(T_world_camera, neighbours, tracks.seen.camera[shared], config)
+        rms.append(model.rms_px(bundle, tracks.seen[shared]))
+        bundle = adjust(bundle, tracks.seen[shared], held, model, config.bundle_iterations)
+        bundle = _lift_alone(bundle, tracks, rows, shared)
+    rows = _inliers(bundle, tracks, rows, model, 1.0)
+    shared = rows[_is_shared(tracks.seen.landmark[rows])]
+    rms.append(model.rms_px(bundle, tracks.seen[shared]))
+    held = _weak_edges(T_world_camera, neighbours, tracks.seen.camera[shared], config)
+    covariance = covariances(bundle, tracks.seen[shared], held, model)
+    landmarks = _landmarks(bundle, tracks, rows, model)
+    return Adjusted(bundle.T_world_camera, covariance, landmarks, len(shared), rms[0], rms[-1])
+
+
+def _inliers(bundle: Bundle, tracks: Tracks, rows: Rows, model: SensorModel, slack: float) -> Rows:
+    squared = model.squared_residuals(bundle, tracks.seen[rows])
+    return rows[squared < OUTLIER_SIGMAS_SQUARED * slack]
+
+
+def _is_shared(landmark: NDArray[np.int32]) -> NDArray[np.bool_]:
+    """Which observations are of a landmark that has at least two."""
+    return np.asarray(np.bincount(landmark)[landmark] > 1) if len(landmark) else landmark > 0
+
+
+def _weak_edges(
+    T_world_camera: Array,
+    neighbours: Sequence[tuple[int, int]],
+    camera: NDArray[np.int32],
+    config: OptimiseConfig,
+) -> list[Edge]:
+    """The given motion between neighbours one of which sees too few landmarks."""
+    seen = np.bincount(camera, minlength=len(T_world_camera))
+    information = np.diag(HELD_SIGMAS**-2.0)
+    return [
+        Edge(i, j, se3.inverse(T_world_camera[i]) @ T_world_camera[j], information)
+        for i, j in neighbours
+        if min(seen[i], seen[j]) < config.weak_observations
+    ]
+
+
+def _lift_alone(bundle: Bundle, tracks: Tracks, rows: Rows, shared: Rows) -> Bundle:
+    """Points that one keyframe alone sees follow its new pose."""
+    points = tracks.lifted(bundle.T_world_camera, rows)
+    together = np.unique(tracks.seen.landmark[shared])
+    points[together] = bundle.points_world[together]
+    return Bundle(bundle.T_world_camera, points)
+
+
+def _landmarks(bundle: Bundle, tracks: Tracks, rows: Rows, model: SensorModel) -> Landmarks:
+    """The landmarks that still have observations, renumbered in the order of their tracks."""
+    sigma = model.point_sigmas(bundle, tracks.seen[rows])
+    rows = rows[np.isfinite(sigma)[tracks.seen.landmark[rows]]]
+    rows = rows[np.lexsort((tracks.seen.camera[rows], tracks.seen.landmark[rows]))]
+    track, landmark = np.unique(tracks.seen.landmark[rows], return_inverse=True)
+    return Landmarks(
+        bundle.points_world[track].astype(np.float32),
+        sigma[track].astype(np.float32),
+        landmark.astype(np.int32),
+        tracks.seen.camera[rows],
+        tracks.feature[rows],
+    )

@@ -1,0 +1,321 @@
+"""Frame-to-frame odometry over whole captures: claim 3, S1 to S6."""
+
+import dataclasses
+import os
+import time
+from collections import deque
+from collections.abc import Iterator, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
+from pathlib import Path
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from vnav.config import Config
+from vnav.core import se3
+from vnav.core.frame import Edge, Frame, PoseEstimate, Rejected
+from vnav.core.mapping import LOST, FrameTable, Keyframe, Odometry, Sightings
+from vnav.core.progress import Progress, silent
+from vnav.core.report import Report
+from vnav.errors import CaptureError
+from vnav.features import front_end
+from vnav.features.appearance import signature
+from vnav.features.lifting import lift
+from vnav.io.artifacts import save_keyframe, save_odometry
+from vnav.io.capture import Capture
+from vnav.io.map_folder import MapFolder
+from vnav.io.rectify import rectified
+from vnav.posegraph import chain
+from vnav.registration import SharedCamera, register
+from vnav.stages.common import finished, reused, settings_of
+
+
+def run(
+    folder: MapFolder,
+    captures: Sequence[Capture],
+    config: Config,
+    *,
+    progress: Progress = silent,
+) -> Report:
+    """Track every frame of the captures, choose keyframes, name what is lost."""
+    started = time.monotonic()
+    settings = settings_of(config, "capture", "features", "registration", "odometry")
+    inputs = {f"capture_{k}": capture.fingerprint() for k, capture in enumerate(captures)}
+    if folder.is_current("odometry", settings, inputs):
+        return reused(folder, "odometry")
+    with folder.writing("odometry", settings, inputs) as draft:
+        odometry = track(captures, config, draft, progress)
+        save_odometry(draft, odometry)
+        folder.set_captures([_described(k, capture) for k, capture in enumerate(captures)])
+    return finished(folder, _report(odometry), started)
+
+
+def track(
+    captures: Sequence[Capture], config: Config, draft: Path, progress: Progress = silent
+) -> Odometry:
+    """Odometry over all frames; keyframes' images are written into the draft as they are chosen."""
+    frames = _frame_table(captures)
+    tracker = Tracker(config)
+    for row, seen in _described_frames(captures, config, draft):
+        progress("odometry", row, len(frames))
+        if isinstance(seen, str):
+            tracker.skip(row, seen)
+        elif tracker.add(seen.keyframe, seen.camera):
+            seen.keep()
+    progress("odometry", len(frames), len(frames))
+    return tracker.result(frames)
+
+
+class Tracker:
+    """Follows frames one by one and keeps what the later stages need."""
+
+    def __init__(self, config: Config) -> None:
+        self._config = config
+        self._keyframes: list[Keyframe] = []
+        self._signatures: list[NDArray[np.float32]] = []
+        self._previous: Keyframe | None = None
+        self._motion = Motion()
+        self._edges: list[Edge] = []
+        self._reasons: dict[int, str] = {}
+        self._sightings: list[Sightings] = []
+
+    def add(self, view: Keyframe, camera: SharedCamera) -> bool:
+        """Follow the next frame; True where it is kept as a keyframe."""
+        found = self._follow(view, camera)
+        if not found:
+            if int(view.has_depth.sum()) < camera.config.min_inliers:
+                self.skip(view.row, f"{int(view.has_depth.sum())} features with depth")
+                return False
+            self._reasons[view.row] = "no frame before it matches"
+        for target, estimate in found.items():
+            self._edges.append(Edge(target, view.row, estimate.T_a_b, estimate.information))
+        self._motion.follow(view.row, {row: e.T_a_b for row, e in found.items()})
+        new = self._is_keyframe(view, found)
+        self._previous = view
+        if new:
+            self._keyframes.append(view)
+            self._signatures.append(signature(view.features))
+        return new
+
+    def skip(self, row: int, reason: str) -> None:
+        """Leave a frame out, and say why."""
+        self._reasons[row] = reason
+
+    def _follow(self, view: Keyframe, camera: SharedCamera) -> dict[int, PoseEstimate]:
+        """Estimates by row: last keyframe and predecessor; else recent ones; else alike ones."""
+        if self._previous is None:
+            return {}
+        first = {k.row: k for k in (*self._keyframes[-1:], self._previous)}
+        found = {
+            target.row: estimate
+            for target in first.values()
+            if isinstance(estimate := self._register(target, view, camera), PoseEstimate)
+        }
+        others = () if found else self._others(view)
+        for target in others:
+            estimate = self._register(target, view, camera)
+            if isinstance(estimate, PoseEstimate):
+                return {target.row: estimate}
+        return found
+
+    def _others(self, view: Keyframe) -> Iterator[Keyframe]:
+        """Recent keyframes, newest first, then the most similar of the rest."""
+        recent = self._config.odometry.recent_keyframes
+        yield from reversed(self._keyframes[-1 - recent : -1])
+        older = self._signatures[: -1 - recent]
+        if older:
+            similarity = np.stack(older) @ signature(view.features)
+            best = np.argsort(-similarity, kind="stable")
+            for k in best[: self._config.odometry.similar_keyframes]:
+                yield self._keyframes[k]
+
+    def _register(
+        self, target: Keyframe, view: Keyframe, camera: SharedCamera
+    ) -> PoseEstimate | Rejected:
+        rng = np.random.default_rng([self._config.seed, target.row, view.row])
+        estimate = register(target, view, camera, rng, self._motion.predicted(target.row))
+        if target is self._keyframes[-1] and isinstance(estimate, PoseEstimate):
+            self._sightings.append(_sightings(len(self._keyframes) - 1, view, estimate))
+        return estimate
+
+    def _is_keyframe(self, view: Keyframe, found: dict[int, PoseEstimate]) -> bool:
+        """By motion and shared view; also where the last keyframe is out of sight."""
+        settings = self._config.odometry
+        if not self._keyframes or self._keyframes[-1].row not in found:
+            return True
+        assert self._previous is not None
+        to_keyframe = found[self._keyframes[-1].row]
+        to_previous = found.get(self._previous.row, to_keyframe)
+        moved = float(np.linalg.norm(to_keyframe.T_a_b[:3, 3]))
+        turned = float(np.rad2deg(se3.rotation_angle(to_keyframe.T_a_b)))
+        shared = len(to_keyframe.inliers) / len(to_previous.inliers)
+        return (
+            moved > settings.keyframe_translation_m
+            or turned > settings.keyframe_rotation_deg
+            or shared < settings.keyframe_shared
+        )
+
+    def result(self, frames: FrameTable) -> Odometry:
+        """Everything that was tracked, as segments of connected frames."""
+        if not self._keyframes:
+            raise CaptureError(
+                f"expected frames with at least {self._config.registration.min_inliers} features"
+                f" that have depth, found none in {len(frames)} frames; run 'vnav check CAPTURE'"
+            )
+        poses, segment = chain(len(frames), self._edges, [k.row for k in self._keyframes])
+        sizes = np.bincount(segment[segment != LOST])
+        alone = (segment != LOST) & (sizes[segment] == 1) & (len(frames) > 1)
+        reasons = tuple(
+            self._reasons.get(row, "") if segment[row] == LOST or alone[row] else ""
+            for row in range(len(frames))
+        )
+        return Odometry(
+            frames,
+            poses,
+            segment,
+            reasons,
+            tuple(self._edges),
+            tuple(self._keyframes),
+            Sightings.joined(self._sightings),
+        )
+
+
+class Motion:
+    """Poses since the track began, and where the next frame will be if the motion goes on."""
+
+    def __init__(self) -> None:
+        self._T_start_camera: dict[int, NDArray[np.float64]] = {}
+        self._step = np.eye(4)
+        self._last = -1
+
+    def follow(self, row: int, found: dict[int, NDArray[np.float64]]) -> None:
+        """Add a frame by its transformations ``T_target_camera`` from others, the best first."""
+        known = [(t, T) for t, T in found.items() if t in self._T_start_camera]
+        if not known:
+            self._T_start_camera.clear()
+            pose = np.eye(4)
+        else:
+            pose = self._T_start_camera[known[0][0]] @ known[0][1]
+        previous = self._T_start_camera.get(self._last)
+        self._step = np.eye(4) if previous is None else se3.inverse(previous) @ pose
+        self._T_start_camera[row] = pose
+        self._last = row
+
+    def predicted(self, target: int) -> NDArray[np.float64] | None:
+        """``T_target_camera`` of the next frame, None where the target is of another track."""
+        if target not in self._T_start_camera:
+            return None
+        now = self._T_start_camera[self._last]
+        return np.asarray(se3.inverse(self._T_start_camera[target]) @ now @ self._step)
+
+
+@dataclasses.dataclass(frozen=True)
+class _Seen:
+    """A frame with its features, and how to keep its images."""
+
+    keyframe: Keyframe
+    frame: Frame
+    camera: SharedCamera
+    draft: Path
+
+    def keep(self) -> None:
+        save_keyframe(self.draft, self.keyframe.row, self.frame)
+
+
+def _described_frames(
+    captures: Sequence[Capture], config: Config, draft: Path
+) -> Iterator[tuple[int, _Seen | str]]:
+    """Every frame in order, read and described on all cores a little ahead; or why it cannot be."""
+    extract = front_end(config.features).extract
+    farthest = config.odometry.max_depth_m
+    cameras = [SharedCamera(rectified(c.camera), config.registration) for c in captures]
+    keys = [(c, i) for c, capture in enumerate(captures) for i in range(len(capture))]
+
+    def describe(row: int) -> _Seen | str:
+        c, index = keys[row]
+        try:
+            frame = captures[c].read(index)
+        except CaptureError as error:
+            return str(error)
+        frame = dataclasses.replace(frame, capture=c)
+        features = extract(frame.color)
+        near = np.where(frame.depth_m <= farthest, frame.depth_m, np.float32(0))
+        points = lift(features.keypoints_px, near, cameras[c].intrinsics, config.registration)
+        return _Seen(Keyframe(row, features, points), frame, cameras[c], draft)
+
+    cores = os.cpu_count() or 1
+    threads = cv2.getNumThreads()
+    cv2.setNumThreads(1)
+    try:
+        with ThreadPoolExecutor(cores) as pool:
+            ahead: deque[Future[_Seen | str]] = deque()
+            for row in range(len(keys)):
+                while len(ahead) < 2 * cores and row + len(ahead) < len(keys):
+                    ahead.append(pool.submit(describe, row + len(ahead)))
+                yield row, ahead.popleft().result()
+    finally:
+        cv2.setNumThreads(threads)
+
+
+def _frame_table(captures: Sequence[Capture]) -> FrameTable:
+    keys = [(c, i) for c, capture in enumerate(captures) for i in range(len(capture))]
+    stamps = [captures[c].stamp_s(i) for c, i in keys]
+    table = np.array(keys, np.int32).reshape(-1, 2)
+    return FrameTable(table[:, 0], table[:, 1], np.array(stamps))
+
+
+def _sightings(number: int, view: Keyframe, estimate: PoseEstimate) -> Sightings:
+    """The inliers between keyframe ``number`` and a frame."""
+    in_keyframe, in_view = estimate.inliers.T
+    count = len(in_keyframe)
+    return Sightings(
+        np.full(count, number, np.int32),
+        in_keyframe,
+        np.full(count, view.row, np.int32),
+        view.features.keypoints_px[in_view],
+        view.points_camera[in_view, 2],
+    )
+
+
+def _described(number: int, capture: Capture) -> dict[str, object]:
+    camera = dataclasses.asdict(rectified(capture.camera))
+    name, fingerprint = capture.name, capture.fingerprint()
+    return {"id": number, "name": name, "fingerprint": fingerprint, "camera": camera}
+
+
+def _report(odometry: Odometry) -> Report:
+    lost = {row: reason for row, reason in enumerate(odometry.reasons) if reason}
+    spans = _spans(lost)
+    tracked = len(odometry.frames) - len(lost)
+    segments = np.unique(odometry.segment[[not r for r in odometry.reasons]])
+    values = {
+        "frames": len(odometry.frames),
+        "tracked": tracked,
+        "lost": [{"first": a, "last": b, "reason": reason} for a, b, reason in spans],
+        "segments": len(segments),
+        "keyframes": len(odometry.keyframes),
+        "edges": len(odometry.edges),
+        "features_median": float(np.median([len(k.features) for k in odometry.keyframes])),
+    }
+    line = (
+        f"{tracked} of {len(odometry.frames)} frames tracked, {len(odometry.keyframes)} keyframes"
+    )
+    if len(segments) > 1:
+        line += f", in {len(segments)} segments"
+    warnings = tuple(
+        f"frame {a} lost: {reason}" if a == b else f"frames {a} to {b} lost: {reason}"
+        for a, b, reason in spans
+    )
+    return Report("odometry", values, (line,), warnings)
+
+
+def _spans(lost: dict[int, str]) -> list[tuple[int, int, str]]:
+    """Runs of neighbouring lost frames that share a reason: first row, last row, reason."""
+    spans: list[tuple[int, int, str]] = []
+    for row, reason in sorted(lost.items()):
+        if spans and spans[-1][1] == row - 1 and spans[-1][2] == reason:
+            spans[-1] = (spans[-1][0], row, reason)
+        else:
+            spans.append((row, row, reason))
+    return spans

@@ -1,0 +1,196 @@
+"""One robust pose graph over all frames, then landmarks and bundle adjustment: claim 3, S7."""
+
+import dataclasses
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vnav import posegraph
+from vnav.bundle import SensorModel
+from vnav.config import Config
+from vnav.core import se3
+from vnav.core.camera import Intrinsics
+from vnav.core.frame import Edge
+from vnav.core.mapping import LOST, Odometry, OptimisedMap
+from vnav.core.progress import Progress, silent
+from vnav.core.report import Report
+from vnav.core.trajectory import Trajectory
+from vnav.io.artifacts import (
+    load_keyframe,
+    load_loop_edges,
+    load_odometry,
+    map_camera,
+    save_optimised,
+)
+from vnav.io.map_folder import MapFolder
+from vnav.io.trajectories import write_tum
+from vnav.stages.common import finished, reused, settings_of
+from vnav.stages.landmarks import Adjusted, Tracks, adjust_landmarks
+from vnav.stages.world import find_world, seen_surface
+
+Array = NDArray[np.float64]
+
+
+def run(folder: MapFolder, config: Config, *, progress: Progress = silent) -> Report:
+    """Final poses of all frames, landmarks, and the world frame."""
+    started = time.monotonic()
+    settings = settings_of(config, "registration", "odometry", "optimise")
+    inputs = folder.inputs_of("odometry", "loops")
+    if folder.is_current("optimise", settings, inputs):
+        return reused(folder, "optimise")
+    odometry, (closures, matches) = load_odometry(folder), load_loop_edges(folder)
+    cameras = [map_camera(folder, k) for k in range(len(folder.captures))]
+    solved = solve(odometry, closures, matches, cameras, config, progress)
+    result = stand_up(folder, solved, odometry, cameras, config)
+    with folder.writing("optimise", settings, inputs) as draft:
+        save_optimised(draft, result)
+        _write_trajectories(draft, odometry, result.T_world_camera)
+        edges = [*odometry.edges, *solved.closures]
+        posegraph.write_g2o(str(draft / "graph.g2o"), result.T_world_camera, edges)
+    return finished(folder, _report(solved, result, odometry), started)
+
+
+@dataclass(frozen=True)
+class Solved:
+    """Poses (N, 4, 4) of the main part, its adjusted keyframes and landmarks, closures kept."""
+
+    poses: Array
+    adjusted: Adjusted
+    graph: posegraph.PoseGraph
+    closures: tuple[Edge, ...]
+    parts: int
+
+
+def solve(
+    odometry: Odometry,
+    closures: Sequence[Edge],
+    matches: NDArray[np.int32],
+    cameras: Sequence[Intrinsics],
+    config: Config,
+    progress: Progress = silent,
+) -> Solved:
+    """Robust pose graph, bundle adjustment of the keyframes, then the frames between them."""
+    initial, part = posegraph.join(odometry.T_segment_camera, odometry.segment, closures)
+    graph = posegraph.optimise(
+        initial, odometry.edges, closures, config.optimise.max_closure_sigmas
+    )
+    kept = tuple(e for e, keep in zip(closures, graph.kept, strict=True) if keep)
+    _, part = posegraph.join(odometry.T_segment_camera, odometry.segment, kept)
+    poses, edges = _main_part(graph.T_world_camera, part, [*odometry.edges, *kept])
+    progress("optimise", 1, 3)
+    adjusted = _adjust(poses, odometry, kept, matches, cameras, config)
+    progress("optimise", 2, 3)
+    rows = np.array([k.row for k in odometry.keyframes])
+    poses = _moved_along(poses, adjusted.T_world_camera, rows)
+    poses = posegraph.carry(poses, edges, rows[np.isfinite(poses[rows, 0, 0])])
+    progress("optimise", 3, 3)
+    return Solved(poses, adjusted, graph, kept, len(np.unique(part[part != LOST])))
+
+
+def _main_part(
+    poses: Array, part: NDArray[np.int32], edges: Sequence[Edge]
+) -> tuple[Array, list[Edge]]:
+    """Poses of the part with the most frames, NaN elsewhere, and the edges within it."""
+    main = part == np.bincount(part[part != LOST]).argmax()
+    inside = [e for e in edges if main[e.i] and main[e.j]]
+    return np.where(main[:, None, None], poses, np.nan), inside
+
+
+def _adjust(
+    poses: Array,
+    odometry: Odometry,
+    closures: Sequence[Edge],
+    matches: NDArray[np.int32],
+    cameras: Sequence[Intrinsics],
+    config: Config,
+) -> Adjusted:
+    rows = [k.row for k in odometry.keyframes]
+    number = {row: k for k, row in enumerate(rows)}
+    kept = {(number[e.i], number[e.j]) for e in closures}
+    of_kept = [(int(i), int(j)) in kept for i, j in matches[:, [0, 2]]]
+    tracks = Tracks(odometry.keyframes, matches[np.array(of_kept, bool)])
+    model = SensorModel([cameras[odometry.frames.capture[r]] for r in rows], config.registration)
+    segment = odometry.segment[rows]
+    neighbours = [(k, k + 1) for k in range(len(rows) - 1) if segment[k] == segment[k + 1]]
+    return adjust_landmarks(poses[rows], tracks, neighbours, model, config.optimise)
+
+
+def _moved_along(poses: Array, adjusted: Array, rows: NDArray[np.intp]) -> Array:
+    """All poses, each moved as the keyframe before it was moved by the adjustment."""
+    good = np.isfinite(adjusted[:, 0, 0])
+    rows, correction = rows[good], (adjusted @ se3.inverse(poses[rows]))[good]
+    before = np.searchsorted(rows, np.arange(len(poses)), side="right") - 1
+    return np.asarray(correction[before.clip(0)] @ poses)
+
+
+def stand_up(
+    folder: MapFolder,
+    solved: Solved,
+    odometry: Odometry,
+    cameras: Sequence[Intrinsics],
+    config: Config,
+) -> OptimisedMap:
+    """The solution in the world frame: z up, floor at z = 0."""
+    T_any_camera = solved.adjusted.T_world_camera
+    numbers = np.flatnonzero(np.isfinite(T_any_camera[:, 0, 0]))
+    rows = [odometry.keyframes[k].row for k in numbers]
+    depths = [load_keyframe(folder, row, odometry.frames).depth_m for row in rows]
+    intrinsics = [cameras[odometry.frames.capture[row]] for row in rows]
+    surface = seen_surface(depths, intrinsics, T_any_camera[numbers], config.odometry.max_depth_m)
+    rng = np.random.default_rng([config.seed, 2])
+    T_world_any, world = find_world(surface, T_any_camera[numbers], rng)
+    landmarks = solved.adjusted.landmarks
+    points = se3.transform(T_world_any, landmarks.points_world).astype(np.float32)
+    return OptimisedMap(
+        T_world_any @ solved.poses,
+        solved.adjusted.covariance,
+        dataclasses.replace(landmarks, points_world=points),
+        world,
+    )
+
+
+def _write_trajectories(draft: Path, odometry: Odometry, T_world_camera: Array) -> None:
+    """One file a capture, of the frames that have a pose."""
+    frames, known = odometry.frames, np.isfinite(T_world_camera[:, 0, 0])
+    for c in np.unique(frames.capture):
+        rows = known & (frames.capture == c)
+        trajectory = Trajectory(frames.stamp_s[rows], T_world_camera[rows])
+        write_tum(draft / f"trajectory_{c}.tum", trajectory)
+
+
+def _report(solved: Solved, result: OptimisedMap, odometry: Odometry) -> Report:
+    posed = int(np.isfinite(result.T_world_camera[:, 0, 0]).sum())
+    adjusted, kept = solved.adjusted, len(solved.closures)
+    values = {
+        "frames": len(odometry.frames),
+        "posed": posed,
+        "parts": solved.parts,
+        "closures_kept": kept,
+        "closures_rejected": len(solved.graph.kept) - kept,
+        "graph_error_before": solved.graph.error_before,
+        "graph_error_after": solved.graph.error_after,
+        "landmarks": len(adjusted.landmarks),
+        "observations": adjusted.observations,
+        "rms_px_before": adjusted.rms_px_before,
+        "rms_px_after": adjusted.rms_px_after,
+        "world": result.world.source,
+        "floor_points": result.world.floor_points,
+    }
+    lines = (
+        f"{posed} of {len(odometry.frames)} frames have a pose; {kept} closures kept,"
+        f" {len(solved.graph.kept) - kept} rejected",
+        f"{len(adjusted.landmarks)} landmarks; reprojection {adjusted.rms_px_before:.2f} px before,"
+        f" {adjusted.rms_px_after:.2f} px after bundle adjustment",
+    )
+    warnings = []
+    if solved.parts > 1:
+        warnings.append(
+            f"the map is in {solved.parts} parts that no loop joins; the largest is kept"
+        )
+    if result.world.source != "floor":
+        warnings.append(f"no floor was seen: up was found from the {result.world.source}")
+    return Report("optimise", values, lines, tuple(warnings))
