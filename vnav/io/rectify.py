@@ -46,8 +46,8 @@ class Rectifier:
         """Depth (H, W) float32 in metres on the pixels of undistorted colour, 0 where none."""
         if self._depth_maps is not None:
             raw = np.asarray(cv2.remap(raw, *self._depth_maps, cv2.INTER_NEAREST), np.uint16)
-        scale = np.float32(1 / self._camera.units_per_metre)
-        depth_m = np.where(raw == _SATURATED, np.float32(0), raw * scale)
+        units_per_metre = np.float32(self._camera.units_per_metre)
+        depth_m = np.where(raw == _SATURATED, np.float32(0), raw / units_per_metre)
         return depth_m if self._warp is None else self._warp(depth_m)
 
 

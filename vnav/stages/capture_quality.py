@@ -20,16 +20,22 @@ from vnav.io.images import image_size
 SAMPLES = 60  # frames that are decoded and measured, evenly over the capture
 BLURRED, DARK = 0.6, 40.0  # from about 8 px of smear at 640 px width; mean grey level of 255
 
+Size = tuple[int, int]  # width, height
 Item = TypeVar("Item")
 Result = TypeVar("Result")
 
 
 @dataclass(frozen=True)
 class Files:
-    """Every image file of the frames: how many whole ones of which size, and what is damaged."""
+    """Every image file of the frames.
 
-    color_sizes: dict[tuple[int, int], int]
-    depth_sizes: dict[tuple[int, int], int]
+    How many whole ones of which size, the commonest first; names of those of another size than
+    the commonest; what is wrong with the damaged ones.
+    """
+
+    color_sizes: dict[Size, int]
+    depth_sizes: dict[Size, int]
+    odd_sizes: tuple[str, ...]
     unreadable: tuple[str, ...]
 
 
@@ -62,14 +68,13 @@ class Look:
 
 def look_at_files(frames: FrameList, progress: Progress) -> Files:
     """Read every file whole; one that is missing, cut off or altered is named."""
-    colors = [pair.color for pair in frames.pairs]
-    depths = [pair.depth for pair in frames.pairs]
-    sizes = list(_in_threads(_size_of, [*colors, *depths], "reading files", progress))
-    return Files(
-        _counted(sizes[: len(colors)]),
-        _counted(sizes[len(colors) :]),
-        tuple(str(size) for size in sizes if isinstance(size, CaptureError)),
-    )
+    count = len(frames.pairs)
+    images = [pair.color for pair in frames.pairs] + [pair.depth for pair in frames.pairs]
+    sizes = list(_in_threads(_size_of, images, "reading files", progress))
+    color, odd_color = _counted(images[:count], sizes[:count])
+    depth, odd_depth = _counted(images[count:], sizes[count:])
+    unreadable = tuple(str(size) for size in sizes if isinstance(size, CaptureError))
+    return Files(color, depth, (*odd_color, *odd_depth), unreadable)
 
 
 def look_at_times(frames: FrameList) -> Timing:
@@ -144,15 +149,20 @@ def _shares(measures: NDArray[np.float64]) -> tuple[float, float, float]:
     return measures[:, 0].mean(), is_blurred.mean(), is_dark.mean()
 
 
-def _size_of(image: ImageFile) -> tuple[int, int] | CaptureError:
+def _size_of(image: ImageFile) -> Size | CaptureError:
     try:
         return image_size(image.path)
     except CaptureError as error:
         return error
 
 
-def _counted(sizes: Sequence[tuple[int, int] | CaptureError]) -> dict[tuple[int, int], int]:
-    return dict(Counter(size for size in sizes if not isinstance(size, CaptureError)).most_common())
+def _counted(
+    images: Sequence[ImageFile], sizes: Sequence[Size | CaptureError]
+) -> tuple[dict[Size, int], list[str]]:
+    pairs = zip(sizes, images, strict=True)
+    whole = [(size, image.path) for size, image in pairs if isinstance(size, tuple)]
+    counts = dict(Counter(size for size, _ in whole).most_common())
+    return counts, [str(path) for size, path in whole if size != next(iter(counts))]
 
 
 def _in_threads(

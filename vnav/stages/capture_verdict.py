@@ -4,7 +4,7 @@ import numpy as np
 
 from vnav.core.camera import Camera
 from vnav.io.frame_list import FrameList
-from vnav.stages.capture_quality import Files, Look
+from vnav.stages.capture_quality import Files, Look, Size
 
 # Where the depth of indoor captures lies, in metres: its nearest twentieth, its middle, its
 # farthest twentieth. Depth cameras begin at 0.2 m or later and reach 10 m at most.
@@ -25,7 +25,10 @@ def wrong_sizes(camera: Camera, files: Files) -> tuple[str, ...]:
     wrong = []
     for section, kind, sizes, (width, height) in kinds:
         if len(sizes) > 1:
-            wrong.append(f"expected {kind} images of one size, found {sizes_text(sizes)}")
+            wrong.append(
+                f"expected {kind} images of one size, found {sizes_text(sizes)}; remove"
+                f" {files.odd_sizes[0]}" + ", and the others" * (len(files.odd_sizes) > 1)
+            )
         elif not sizes:
             wrong.append(f"expected {kind} images, found none that can be read")
         elif (width, height) not in sizes:
@@ -104,6 +107,6 @@ def _of_look(look: Look) -> list[str]:
     return found
 
 
-def sizes_text(sizes: dict[tuple[int, int], int]) -> str:
+def sizes_text(sizes: dict[Size, int]) -> str:
     """Sizes and how many images have them, for people."""
     return ", ".join(f"{count} of {w} x {h}" for (w, h), count in sizes.items()) or "none"
