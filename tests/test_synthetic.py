@@ -8,6 +8,7 @@ from vnav.config import FeaturesConfig
 from vnav.core import se3
 from vnav.core.camera import Intrinsics
 from vnav.core.grid import FREE, OCCUPIED
+from vnav.errors import CaptureError
 from vnav.features import front_end
 from vnav.features.matching import match
 from vnav.synthetic import (
@@ -166,7 +167,8 @@ def test_a_capture_is_made_once_and_kept(tmp_path: Path) -> None:
     assert made == 3
     assert cached_capture(spec, tmp_path, progress) == folder
     assert len(calls) == made
-    assert list(tmp_path.iterdir()) == [folder]
+    assert list(tmp_path.iterdir()) == [folder.parent]
+    assert (folder / "rgb.txt").is_file()
 
 
 @pytest.mark.parametrize(("scene", "spec"), [(apartment, DEMO), (one_room, MINIATURE)])
@@ -233,3 +235,9 @@ def test_the_true_grid_tells_what_stands_in_the_way() -> None:
     assert at(2.0, 1.5, high_m=0.6) == FREE
     assert at(2.6, 1.5) == FREE
     assert at(2.0, 1.9) == FREE
+
+
+def test_a_cache_that_cannot_be_written_is_named(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("")
+    with pytest.raises(CaptureError, match="XDG_CACHE_HOME"):
+        cached_capture(MINIATURE, tmp_path / "file")

@@ -2,7 +2,6 @@
 
 import hashlib
 import os
-import shutil
 import tempfile
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
@@ -18,6 +17,7 @@ from vnav.core import se3
 from vnav.core.camera import Intrinsics
 from vnav.core.grid import FREE
 from vnav.core.progress import Progress, silent
+from vnav.errors import CaptureError
 from vnav.synthetic.path import look, walk
 from vnav.synthetic.scene import Scene
 from vnav.synthetic.scenes import SCENES
@@ -59,15 +59,23 @@ def cached_capture(
 ) -> Path:
     """Folder of the capture, written if this specification was not yet written by this code.
 
-    ``cache`` is ``$XDG_CACHE_HOME/vnav`` (``~/.cache/vnav``) unless given.
+    ``cache`` is ``$XDG_CACHE_HOME/vnav`` (``~/.cache/vnav``) unless given; CaptureError where it
+    cannot be written.
     """
     cache = cache or Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "vnav"
-    folder = cache / f"{spec.scene}-{_fingerprint(spec)}"
-    if not folder.is_dir():
+    folder = cache / _fingerprint(spec) / spec.scene
+    if folder.is_dir():
+        return folder
+    try:
         cache.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryDirectory(dir=cache) as draft:
-            write_capture(Path(draft) / "capture", spec, progress)
-            shutil.move(Path(draft) / "capture", folder)
+            write_capture(Path(draft) / "whole" / spec.scene, spec, progress)
+            (Path(draft) / "whole").rename(folder.parent)
+    except OSError as error:
+        raise CaptureError(
+            f"expected to write a rendered capture to {cache}, found: {error.strerror}; name a"
+            " writable folder with XDG_CACHE_HOME"
+        ) from error
     return folder
 
 
@@ -124,9 +132,7 @@ def _write_frames(folder: Path, scene: Scene, spec: CaptureSpec, progress: Progr
         color = measured_color(color, gain[k], spec.sensor, rng)
         depth_m = measured_depth(depth_m, spec.camera, spec.sensor, rng)
         _write_jpeg(folder / color_names[k], color, spec.sensor)
-        cv2.imwrite(
-            str(folder / depth_names[k]), np.rint(depth_m * UNITS_PER_METRE).astype(np.uint16)
-        )
+        _write_png(folder / depth_names[k], depth_m)
 
     _in_parallel(write, spec.frames, "render frames", progress)
     stamps = [f"{stamp:.6f}" for stamp in stamps_s]
@@ -161,8 +167,14 @@ def _in_parallel(write: Callable[[int], None], count: int, task: str, progress: 
 
 
 def _write_jpeg(path: Path, color: NDArray[np.uint8], sensor: Sensor) -> None:
-    quality = [cv2.IMWRITE_JPEG_QUALITY, sensor.jpeg_quality]
-    cv2.imwrite(str(path), np.ascontiguousarray(color[..., ::-1]), quality)
+    bgr = np.ascontiguousarray(color[..., ::-1])
+    _, data = cv2.imencode(".jpg", bgr, [cv2.IMWRITE_JPEG_QUALITY, sensor.jpeg_quality])
+    path.write_bytes(data.tobytes())
+
+
+def _write_png(path: Path, depth_m: NDArray[np.float32]) -> None:
+    _, data = cv2.imencode(".png", np.rint(depth_m * UNITS_PER_METRE).astype(np.uint16))
+    path.write_bytes(data.tobytes())
 
 
 def _write_truth(path: Path, names: list[str], T_world_camera: NDArray[np.float64]) -> None:
