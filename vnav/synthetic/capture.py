@@ -48,7 +48,7 @@ class CaptureSpec:
 
 KINECT = Intrinsics(640, 480, 525.0, 525.0, 319.5, 239.5)
 PHONE = Intrinsics(800, 600, 655.0, 655.0, 403.2, 297.4)
-DEMO = CaptureSpec("apartment", 220, 12, KINECT, PHONE)
+DEMO = CaptureSpec("apartment", 200, 12, KINECT, PHONE)
 MINIATURE = CaptureSpec(
     "one_room", 60, 4, KINECT.scaled(320, 240), PHONE, rate_hz=5.0, height_m=1.1, pitch_deg=-20.0
 )
