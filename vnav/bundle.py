@@ -92,7 +92,7 @@ class SensorModel:
         fixed = np.linalg.eigvalsh(information)[:, 0] > 1.0  # a metre at the most
         safe = np.where(fixed[:, None, None], information, np.eye(3))
         variance = np.trace(np.linalg.inv(safe), axis1=1, axis2=2) / 3
-        return np.where(fixed, np.sqrt(variance), np.inf)
+        return np.asarray(np.where(fixed, np.sqrt(variance), np.inf))
 
     def _in_camera(self, bundle: Bundle, seen: Observations) -> tuple[Array, Array]:
         """Points (M, 3) in their cameras, and rotations (M, 3, 3) from the world."""
@@ -103,7 +103,7 @@ class SensorModel:
     def _reprojection(self, points_camera: Array, seen: Observations) -> Array:
         k = self._table[seen.camera]
         z = np.where(points_camera[:, 2] > 0.05, points_camera[:, 2], 1.0)
-        return k[:, :2] * points_camera[:, :2] / z[:, None] + k[:, 2:] - seen.px
+        return np.asarray(k[:, :2] * points_camera[:, :2] / z[:, None] + k[:, 2:] - seen.px)
 
 
 def adjust(

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,11 +10,8 @@ from numpy.typing import NDArray
 from vnav.config import RegistrationConfig
 from vnav.core import se3
 from vnav.core.camera import Intrinsics
-from vnav.core.frame import PoseEstimate, Rejected
+from vnav.core.frame import Features, PoseEstimate, Rejected
 from vnav.core.mapping import Keyframe
-from vnav.features.guided import match_near
-from vnav.features.matching import match
-from vnav.features.sift import ROOT_SCALE
 
 Array = NDArray[np.float64]
 SAMPLE = 3  # matched points that fix a rigid transformation
@@ -21,18 +19,31 @@ BATCH = 64  # hypotheses tried at once
 CONFIDENCE = 0.999
 
 
+class Matcher(Protocol):
+    """Finds which features of two frames are the same: rows (M, 2) of a's and b's."""
+
+    def everywhere(self, a: Features, b: Features) -> NDArray[np.int32]:
+        """Matches over the whole image."""
+
+    def near(
+        self, a: Features, b: Features, predicted_px: Array, radius_px: float
+    ) -> NDArray[np.int32]:
+        """Matches close to where a's features are predicted in b, NaN for those with no place."""
+
+
 @dataclass(frozen=True)
-class SharedCamera:
-    """The camera that took both frames, and how its measurements are trusted."""
+class Sensor:
+    """The camera that took both frames, how far its measurements are trusted, and the matcher."""
 
     intrinsics: Intrinsics
     config: RegistrationConfig
+    matcher: Matcher
 
 
 def register(
     a: Keyframe,
     b: Keyframe,
-    camera: SharedCamera,
+    sensor: Sensor,
     rng: np.random.Generator,
     predicted: Array | None = None,
 ) -> PoseEstimate | Rejected:
@@ -44,8 +55,8 @@ def register(
     ratio test. With the motion found, matches are sought once more, close to where it puts them.
     """
     verdict = Rejected("too few matches")
-    for matches in _searches(a, b, camera, predicted):
-        estimate = _estimate(a, b, matches, camera, rng)
+    for matches in _searches(a, b, sensor, predicted):
+        estimate = _estimate(a, b, matches, sensor, rng)
         if isinstance(estimate, PoseEstimate):
             return estimate
         verdict = estimate
@@ -53,40 +64,37 @@ def register(
 
 
 def _searches(
-    a: Keyframe, b: Keyframe, camera: SharedCamera, predicted: Array | None
+    a: Keyframe, b: Keyframe, sensor: Sensor, predicted: Array | None
 ) -> Iterator[NDArray[np.int32]]:
     """Matches near the predicted places, then those of the ratio test over the whole image."""
-    config = camera.config
+    config = sensor.config
     if predicted is not None:
-        yield _near(a, b, predicted, camera, config.search_radius_px)
-    matches = match(a.features, b.features, config.ratio, config.mutual)
+        yield _near(a, b, predicted, sensor, config.search_radius_px)
+    matches = sensor.matcher.everywhere(a.features, b.features)
     yield matches[a.has_depth[matches[:, 0]]]
 
 
 def _near(
-    a: Keyframe, b: Keyframe, T_a_b: Array, camera: SharedCamera, radius_px: float
+    a: Keyframe, b: Keyframe, T_a_b: Array, sensor: Sensor, radius_px: float
 ) -> NDArray[np.int32]:
     """Matches close to where a motion puts a's features in b."""
     seen_from_b = se3.transform(se3.inverse(T_a_b), a.points_camera)
-    predicted = camera.intrinsics.project(seen_from_b)
-    config = camera.config
-    return match_near(
-        a.features, b.features, predicted, radius_px, config.ratio, config.max_distance * ROOT_SCALE
-    )
+    predicted_px = sensor.intrinsics.project(seen_from_b)
+    return sensor.matcher.near(a.features, b.features, predicted_px, radius_px)
 
 
 def _estimate(
     a: Keyframe,
     b: Keyframe,
     matches: NDArray[np.int32],
-    camera: SharedCamera,
+    sensor: Sensor,
     rng: np.random.Generator,
 ) -> PoseEstimate | Rejected:
     """The motion that matches agree on, refined on all that agree with it."""
-    config = camera.config
+    config = sensor.config
     if len(matches) < config.min_inliers:
         return Rejected("too few matches", len(matches))
-    pairs = Pairs(a, b, matches, camera)
+    pairs = Pairs(a, b, matches, sensor)
     T_a_b = _ransac(pairs, config, rng)
     if T_a_b is None:
         return Rejected("no consistent motion", len(matches))
@@ -94,10 +102,10 @@ def _estimate(
     found = _judge(T_a_b, pairs, matches, config)
     if isinstance(found, Rejected):
         return found
-    closer = _near(a, b, T_a_b, camera, config.polish_radius_px)
+    closer = _near(a, b, T_a_b, sensor, config.polish_radius_px)
     if len(closer) <= len(found.inliers):
         return found
-    pairs = Pairs(a, b, closer, camera)
+    pairs = Pairs(a, b, closer, sensor)
     polished = _judge(_refine(T_a_b, pairs), pairs, closer, config)
     return polished if isinstance(polished, PoseEstimate) else found
 
@@ -110,9 +118,9 @@ class Pairs:
         a: Keyframe,
         b: Keyframe,
         matches: NDArray[np.int32],
-        camera: SharedCamera,
+        sensor: Sensor,
     ) -> None:
-        intrinsics, config = camera.intrinsics, camera.config
+        intrinsics, config = sensor.intrinsics, sensor.config
         self.points_a = a.points_camera[matches[:, 0]].astype(float)
         self.points_b = b.points_camera[matches[:, 1]].astype(float)
         self.px_b = b.features.keypoints_px[matches[:, 1]].astype(float)
@@ -216,7 +224,7 @@ def _refine(T_a_b: Array, pairs: Pairs, iterations: int = 12) -> Array:
 def _normal_equations(T_a_b: Array, pairs: Pairs) -> tuple[Array, Array, Array]:
     """Gauss-Newton matrix (6, 6), gradient (6,) and squared whitened residuals (M,)."""
     r, points = pairs.residuals(T_a_b)
-    front = np.isfinite(r).all(-1)
+    front = np.asarray(np.isfinite(r).all(-1))
     points = np.where(front[:, None], points, [0.0, 0.0, 1.0])
     W = pairs.whitening(T_a_b, points)
     e = (W @ np.where(front[:, None], r, 0.0)[..., None])[..., 0]

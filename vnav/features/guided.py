@@ -60,15 +60,15 @@ def _nearest_near(
         while k < len(px_b) and px_b[k, 1] <= y + radius:
             dx, dy = px_b[k, 0] - x, px_b[k, 1] - y
             if dx * dx + dy * dy <= radius * radius:
-                total = 0
+                total = np.int32(0)
                 for d in range(size):
                     difference = np.int32(descriptors_a[i, d]) - np.int32(descriptors_b[k, d])
                     total += difference * difference
                 if total < squared[i, 0]:
                     squared[i, 1] = squared[i, 0]
-                    squared[i, 0] = total
+                    squared[i, 0] = float(total)
                     nearest[i] = k
                 elif total < squared[i, 1]:
-                    squared[i, 1] = total
+                    squared[i, 1] = float(total)
             k += 1
     return nearest, squared

@@ -3,7 +3,29 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from vnav.config import RegistrationConfig
 from vnav.core.frame import Features
+from vnav.features.sift import ROOT_SCALE
+
+
+class DescriptorMatcher:
+    """Matches by descriptor distance, everywhere or near a prediction."""
+
+    def __init__(self, config: RegistrationConfig) -> None:
+        self._config = config
+
+    def everywhere(self, a: Features, b: Features) -> NDArray[np.int32]:
+        """Rows (M, 2) that pass the ratio test over the whole image."""
+        return match(a, b, self._config.ratio, self._config.mutual)
+
+    def near(
+        self, a: Features, b: Features, predicted_px: NDArray[np.float64], radius_px: float
+    ) -> NDArray[np.int32]:
+        """Rows (M, 2) that pass the ratio test close to their predicted places (A, 2) in b."""
+        from vnav.features.guided import match_near  # numba: only where it is used
+
+        limit = self._config.max_distance * ROOT_SCALE
+        return match_near(a, b, predicted_px, radius_px, self._config.ratio, limit)
 
 
 def match(a: Features, b: Features, ratio: float, mutual: bool = True) -> NDArray[np.int32]:

@@ -34,7 +34,7 @@ class Sift:
 
     def _detector(self) -> Any:
         if not hasattr(self._per_thread, "sift"):
-            self._per_thread.sift = cv2.SIFT_create(
+            self._per_thread.sift = cv2.SIFT.create(
                 nfeatures=self._config.max_features,
                 contrastThreshold=self._config.contrast_threshold,
                 edgeThreshold=self._config.edge_threshold,

@@ -20,10 +20,11 @@ from vnav.core.mapping import Keyframe, LoopVerdict, Odometry
 from vnav.core.progress import Progress, silent
 from vnav.core.report import Report
 from vnav.core.tree import VocabularyTree
+from vnav.features.matching import DescriptorMatcher
 from vnav.io.artifacts import load_odometry, map_camera, save_loops
 from vnav.io.map_folder import MapFolder
 from vnav.io.tree_file import load_tree
-from vnav.registration import SharedCamera, register
+from vnav.registration import Sensor, register
 from vnav.stages.common import finished, reused, settings_of
 
 Array = NDArray[np.float64]
@@ -189,6 +190,7 @@ class Verifier:
             min_inliers=config.loops.min_inliers,
             min_inlier_share=config.loops.min_inlier_share,
         )
+        self._matcher = DescriptorMatcher(self._settings)
         self._progress = progress
 
     def __call__(self, candidates: Sequence[Candidate], found: Closures) -> None:
@@ -215,8 +217,8 @@ class Verifier:
         if self._cameras[self._captures[a.row]] != self._cameras[self._captures[b.row]]:
             return Rejected("two cameras")
         rng = np.random.default_rng([self._seed, a.row, b.row])
-        camera = SharedCamera(self._cameras[self._captures[a.row]], self._settings)
-        return register(a, b, camera, rng)
+        sensor = Sensor(self._cameras[self._captures[a.row]], self._settings, self._matcher)
+        return register(a, b, sensor, rng)
 
     def _edge(self, i: int, j: int, estimate: PoseEstimate) -> Edge:
         rows = self._keyframes[i].row, self._keyframes[j].row

@@ -22,12 +22,13 @@ from vnav.errors import CaptureError
 from vnav.features import front_end
 from vnav.features.appearance import signature
 from vnav.features.lifting import lift
+from vnav.features.matching import DescriptorMatcher
 from vnav.io.artifacts import save_keyframe, save_odometry
 from vnav.io.capture import Capture
 from vnav.io.map_folder import MapFolder
 from vnav.io.rectify import rectified
 from vnav.posegraph import chain
-from vnav.registration import SharedCamera, register
+from vnav.registration import Sensor, register
 from vnav.stages.common import finished, reused, settings_of
 
 
@@ -61,7 +62,7 @@ def track(
         progress("odometry", row, len(frames))
         if isinstance(seen, str):
             tracker.skip(row, seen)
-        elif tracker.add(seen.keyframe, seen.camera):
+        elif tracker.add(seen.keyframe, seen.sensor):
             seen.keep()
     progress("odometry", len(frames), len(frames))
     return tracker.result(frames)
@@ -80,11 +81,11 @@ class Tracker:
         self._reasons: dict[int, str] = {}
         self._sightings: list[Sightings] = []
 
-    def add(self, view: Keyframe, camera: SharedCamera) -> bool:
+    def add(self, view: Keyframe, sensor: Sensor) -> bool:
         """Follow the next frame; True where it is kept as a keyframe."""
-        found = self._follow(view, camera)
+        found = self._follow(view, sensor)
         if not found:
-            if int(view.has_depth.sum()) < camera.config.min_inliers:
+            if int(view.has_depth.sum()) < sensor.config.min_inliers:
                 self.skip(view.row, f"{int(view.has_depth.sum())} features with depth")
                 return False
             self._reasons[view.row] = "no frame before it matches"
@@ -102,7 +103,7 @@ class Tracker:
         """Leave a frame out, and say why."""
         self._reasons[row] = reason
 
-    def _follow(self, view: Keyframe, camera: SharedCamera) -> dict[int, PoseEstimate]:
+    def _follow(self, view: Keyframe, sensor: Sensor) -> dict[int, PoseEstimate]:
         """Estimates by row: last keyframe and predecessor; else recent ones; else alike ones."""
         if self._previous is None:
             return {}
@@ -110,11 +111,11 @@ class Tracker:
         found = {
             target.row: estimate
             for target in first.values()
-            if isinstance(estimate := self._register(target, view, camera), PoseEstimate)
+            if isinstance(estimate := self._register(target, view, sensor), PoseEstimate)
         }
         others = () if found else self._others(view)
         for target in others:
-            estimate = self._register(target, view, camera)
+            estimate = self._register(target, view, sensor)
             if isinstance(estimate, PoseEstimate):
                 return {target.row: estimate}
         return found
@@ -131,10 +132,10 @@ class Tracker:
                 yield self._keyframes[k]
 
     def _register(
-        self, target: Keyframe, view: Keyframe, camera: SharedCamera
+        self, target: Keyframe, view: Keyframe, sensor: Sensor
     ) -> PoseEstimate | Rejected:
         rng = np.random.default_rng([self._config.seed, target.row, view.row])
-        estimate = register(target, view, camera, rng, self._motion.predicted(target.row))
+        estimate = register(target, view, sensor, rng, self._motion.predicted(target.row))
         if target is self._keyframes[-1] and isinstance(estimate, PoseEstimate):
             self._sightings.append(_sightings(len(self._keyframes) - 1, view, estimate))
         return estimate
@@ -216,7 +217,7 @@ class _Seen:
 
     keyframe: Keyframe
     frame: Frame
-    camera: SharedCamera
+    sensor: Sensor
     draft: Path
 
     def keep(self) -> None:
@@ -229,7 +230,8 @@ def _described_frames(
     """Every frame in order, read and described on all cores a little ahead; or why it cannot be."""
     extract = front_end(config.features).extract
     farthest = config.odometry.max_depth_m
-    cameras = [SharedCamera(rectified(c.camera), config.registration) for c in captures]
+    matcher = DescriptorMatcher(config.registration)
+    sensors = [Sensor(rectified(c.camera), config.registration, matcher) for c in captures]
     keys = [(c, i) for c, capture in enumerate(captures) for i in range(len(capture))]
 
     def describe(row: int) -> _Seen | str:
@@ -241,8 +243,8 @@ def _described_frames(
         frame = dataclasses.replace(frame, capture=c)
         features = extract(frame.color)
         near = np.where(frame.depth_m <= farthest, frame.depth_m, np.float32(0))
-        points = lift(features.keypoints_px, near, cameras[c].intrinsics, config.registration)
-        return _Seen(Keyframe(row, features, points), frame, cameras[c], draft)
+        points = lift(features.keypoints_px, near, sensors[c].intrinsics, config.registration)
+        return _Seen(Keyframe(row, features, points), frame, sensors[c], draft)
 
     cores = os.cpu_count() or 1
     threads = cv2.getNumThreads()
