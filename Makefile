@@ -14,7 +14,7 @@ LIBRARIES := libEGL.so.1 libGL.so.1 libX11.so.6 libidn2.so.0 libstdc++.so.6 libu
 PACKAGES := libegl1 libgl1 libx11-6 libidn2-0 libstdc++6 libudev1 libusb-1.0-0
 
 INSTALL := $(BIN)/pip install --quiet --disable-pip-version-check --config-settings editable_mode=strict
-SOURCES := find vnav cli configs datasets -name '*.py' -o -name '*.toml' -o -name py.typed
+SOURCES := find vnav cli configs datasets -type f ! -name '*.pyc'
 
 .PHONY: setup demo test check bench bench-real clean python system links
 
