@@ -9,7 +9,7 @@ from vnav.core.progress import Progress, silent
 from vnav.core.report import Report
 from vnav.errors import MapError
 from vnav.io.capture import Capture
-from vnav.io.map_folder import MapFolder
+from vnav.io.map_folder import STAGES, MapFolder
 from vnav.stages.common import finished
 
 
@@ -36,7 +36,8 @@ def build_map(
         fuse.run(folder, config, progress=progress),
         index.run(folder, config, progress=progress),
     ]
-    pictures.draw(folder)
+    if reports[STAGES.index("fuse")].reused:
+        pictures.draw(folder)  # a run that was killed may have left none
     return [*reports, finished(folder, _whole(folder), started)]
 
 
