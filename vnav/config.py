@@ -85,6 +85,8 @@ class LoopsConfig:
     exclude_s: float = 5.0  # keyframes nearer in time are no loop
     min_inliers: int = 25
     min_inlier_share: float = 0.25
+    sigma_deg: float = 0.3  # added to the noise of the matches: what an imperfect calibration
+    sigma_m: float = 0.015  # and a rolling shutter do to two views from afar
     proximity_rounds: int = 2
     proximity_overlap: float = 0.3  # share of the view that both must see
     proximity_candidates: int = 8  # per keyframe and round
@@ -104,8 +106,9 @@ class OptimiseConfig:
 class FuseConfig:
     """Cloud, octree, mesh and grid."""
 
-    max_range_m: float = 5.0
-    voxel_m: float = 0.02
+    max_range_m: float = 4.0  # depth farther away is too noisy, and too flat on table tops
+    edge_per_m: float = 0.015  # inverse depth that bends more from pixel to pixel is an edge
+    voxel_m: float = 0.02  # of the cloud
     octree_m: float = 0.05
     mesh_voxel_m: float = 0.03
     obstacle_min_m: float = 0.10

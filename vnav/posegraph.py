@@ -137,6 +137,13 @@ def _consensus(transforms: Array) -> Array:
     return best
 
 
+def softened(edge: Edge, sigma_rad: float, sigma_m: float) -> Edge:
+    """The edge with noise added to its own: its covariance grows by the squares of the sigmas."""
+    added = np.repeat([sigma_rad**2, sigma_m**2], 3)
+    covariance = np.linalg.inv(edge.information) + np.diag(added)
+    return Edge(edge.i, edge.j, edge.T_i_j, np.linalg.inv(covariance))
+
+
 def write_g2o(path: str, T_world_camera: Array, edges: Sequence[Edge]) -> None:
     """Write poses and edges in the g2o text format (VERTEX_SE3:QUAT, EDGE_SE3:QUAT)."""
     nodes = np.flatnonzero(np.isfinite(T_world_camera[:, 0, 0]))

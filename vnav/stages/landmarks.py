@@ -80,13 +80,13 @@ def adjust_landmarks(
     rms = []
     for k in range(config.bundle_rounds):
         rows = _inliers(bundle, tracks, rows, model, FIRST_SLACK if k == 0 else 1.0)
-        shared = rows[_is_shared(tracks.seen.landmark[rows])]
+        shared = _shared(tracks.seen, rows)
         held = _weak_edges(T_world_camera, neighbours, tracks.seen.camera[shared], config)
         rms.append(model.rms_px(bundle, tracks.seen[shared]))
         bundle = adjust(bundle, tracks.seen[shared], held, model, config.bundle_iterations)
         bundle = _lift_alone(bundle, tracks, rows, shared)
     rows = _inliers(bundle, tracks, rows, model, 1.0)
-    shared = rows[_is_shared(tracks.seen.landmark[rows])]
+    shared = _shared(tracks.seen, rows)
     rms.append(model.rms_px(bundle, tracks.seen[shared]))
     held = _weak_edges(T_world_camera, neighbours, tracks.seen.camera[shared], config)
     covariance = covariances(bundle, tracks.seen[shared], held, model)
@@ -99,9 +99,12 @@ def _inliers(bundle: Bundle, tracks: Tracks, rows: Rows, model: SensorModel, sla
     return rows[squared < OUTLIER_SIGMAS_SQUARED * slack]
 
 
-def _is_shared(landmark: NDArray[np.int32]) -> NDArray[np.bool_]:
-    """Which observations are of a landmark that has at least two."""
-    return np.asarray(np.bincount(landmark)[landmark] > 1) if len(landmark) else landmark > 0
+def _shared(seen: Observations, rows: Rows) -> Rows:
+    """The rows of landmarks that several keyframes see, at least one of them with depth."""
+    landmark = seen.landmark[rows]
+    count = np.bincount(landmark)
+    with_depth = np.bincount(landmark, np.isfinite(seen.inverse_depth[rows]))
+    return rows[(count[landmark] > 1) & (with_depth[landmark] > 0)]
 
 
 def _weak_edges(

@@ -24,6 +24,7 @@ from vnav.features.matching import DescriptorMatcher
 from vnav.io.artifacts import load_odometry, map_camera, save_loops
 from vnav.io.map_folder import MapFolder
 from vnav.io.tree_file import load_tree
+from vnav.posegraph import softened
 from vnav.registration import Sensor, register
 from vnav.stages.common import finished, reused, settings_of
 
@@ -185,6 +186,7 @@ class Verifier:
         self._captures = odometry.frames.capture
         self._cameras = cameras
         self._seed = config.seed
+        self._loops = config.loops
         self._settings = dataclasses.replace(
             config.registration,
             min_inliers=config.loops.min_inliers,
@@ -222,7 +224,8 @@ class Verifier:
 
     def _edge(self, i: int, j: int, estimate: PoseEstimate) -> Edge:
         rows = self._keyframes[i].row, self._keyframes[j].row
-        return Edge(*rows, estimate.T_a_b, estimate.information)
+        edge = Edge(*rows, estimate.T_a_b, estimate.information)
+        return softened(edge, np.deg2rad(self._loops.sigma_deg), self._loops.sigma_m)
 
 
 def _keyed(i: int, j: int, inliers: NDArray[np.int32]) -> NDArray[np.int32]:
