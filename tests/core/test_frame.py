@@ -1,0 +1,50 @@
+import numpy as np
+import pytest
+
+from vnav.core.frame import Edge, Features, Frame
+
+
+def features(count: int) -> Features:
+    rng = np.random.default_rng(0)
+    return Features(
+        rng.uniform(0, 99, (count, 2)),
+        rng.integers(0, 256, (count, 128)),
+        np.arange(count)[::-1],
+        np.ones(count),
+        np.zeros(count),
+    )
+
+
+def test_a_frame_cannot_be_written_into() -> None:
+    frame = Frame(0, 0, 0.0, np.zeros((4, 6, 3), np.uint8), np.zeros((4, 6), np.float32))
+    for array in (frame.color, frame.depth_m):
+        with pytest.raises(ValueError, match="read-only"):
+            array[0] = 1
+
+
+def test_depth_of_another_size_than_colour_is_refused() -> None:
+    with pytest.raises(ValueError, match=r"shape \(4, 6\), found \(3, 6\)"):
+        Frame(0, 0, 0.0, np.zeros((4, 6, 3), np.uint8), np.zeros((3, 6), np.float32))
+
+
+def test_no_features_are_legal() -> None:
+    assert len(features(0)) == 0
+    assert len(features(0)[np.zeros(0, np.intp)]) == 0
+
+
+def test_selected_features_keep_all_their_columns_in_step() -> None:
+    every, rows = features(9), np.array([5, 2])
+    chosen = every[rows]
+    assert len(chosen) == 2
+    for name in ("keypoints_px", "descriptors", "scores", "scales_px", "angles_rad"):
+        np.testing.assert_array_equal(getattr(chosen, name), getattr(every, name)[rows])
+
+
+def test_columns_of_different_length_are_refused() -> None:
+    with pytest.raises(ValueError, match="expected an array of shape"):
+        Features(np.zeros((2, 2)), np.zeros((3, 128)), np.zeros(2), np.zeros(2), np.zeros(2))
+
+
+def test_an_edge_needs_a_transform_and_an_information_matrix() -> None:
+    with pytest.raises(ValueError, match=r"shape \(6, 6\), found \(3, 3\)"):
+        Edge(0, 1, np.eye(4), np.eye(3))

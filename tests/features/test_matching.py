@@ -1,0 +1,127 @@
+"""Matching by descriptor distance, with descriptors whose distances are chosen."""
+
+import numpy as np
+
+from vnav.config import RegistrationConfig
+from vnav.core.frame import Features
+from vnav.features.guided import match_near
+from vnav.features.matching import DescriptorMatcher, match
+from vnav.features.sift import ROOT_SCALE
+
+NOWHERE = (np.nan, np.nan)
+
+
+def features(values: list[int], px: list[tuple[float, float]] | None = None) -> Features:
+    """Features whose descriptors differ in one number: their distances are its differences."""
+    descriptors = np.zeros((len(values), 128), np.uint8)
+    descriptors[:, 0] = values
+    return described(descriptors, px)
+
+
+def described(descriptors: np.ndarray, px: list[tuple[float, float]] | None = None) -> Features:
+    n = len(descriptors)
+    places = np.zeros((n, 2)) if px is None else np.array(px).reshape(n, 2)
+    return Features(places, descriptors, np.ones(n), np.ones(n), np.zeros(n))
+
+
+def pairs(matches: np.ndarray) -> list[tuple[int, int]]:
+    return [(int(i), int(j)) for i, j in matches]
+
+
+def near(
+    a: Features, b: Features, predicted: list[tuple[float, float]], limit: float = 400.0
+) -> list[tuple[int, int]]:
+    return pairs(match_near(a, b, np.array(predicted).reshape(-1, 2), 10.0, 0.8, limit))
+
+
+def test_the_nearest_descriptor_matches() -> None:
+    assert pairs(match(features([10, 200]), features([205, 100, 12]), 0.8)) == [(0, 2), (1, 0)]
+
+
+def test_two_alike_candidates_are_no_match() -> None:
+    # Nearest / second-nearest is 9 / 10 in the first case, 7 / 10 in the second.
+    assert pairs(match(features([100]), features([91, 110]), 0.8)) == []
+    assert pairs(match(features([100]), features([93, 110]), 0.8)) == [(0, 0)]
+
+
+def test_a_twin_in_b_is_no_match_even_where_it_is_equal() -> None:
+    assert pairs(match(features([100]), features([100, 100, 7]), 0.8)) == []
+
+
+def test_mutual_matches_must_be_nearest_both_ways() -> None:
+    a, b = features([100, 104]), features([105, 250])
+    assert pairs(match(a, b, 0.8)) == [(1, 0)]
+    assert pairs(match(a, b, 0.8, mutual=False)) == [(0, 0), (1, 0)]
+
+
+def test_fewer_than_two_features_leave_no_ratio_and_no_match() -> None:
+    some, one, none = features([1, 50]), features([1]), features([])
+    for a, b in ((some, one), (some, none), (none, some), (none, none)):
+        assert match(a, b, 0.8).shape == (0, 2)
+    assert pairs(match(one, some, 0.8)) == [(0, 0)]
+
+
+def test_distances_are_exact_at_the_ends_of_the_bytes() -> None:
+    # Inner products reach 128 * 255^2 = 8.3 million, where float32 still counts by ones.
+    full = np.full((2, 128), 255, np.uint8)
+    full[1, 0] = 254
+    assert pairs(match(described(full), described(full[::-1]), 0.8)) == [(0, 1), (1, 0)]
+
+
+def test_only_features_near_the_prediction_match() -> None:
+    a = features([100])
+    b = features([101, 100], [(50, 50), (90, 50)])
+    assert near(a, b, [(52, 50)]) == [(0, 0)]
+    assert near(a, b, [(50, 61)]) == []
+
+
+def test_the_ratio_is_taken_among_the_features_in_reach() -> None:
+    a = features([100])
+    b = features([93, 110, 91], [(50, 50), (52, 50), (90, 90)])
+    assert near(a, b, [(50, 50)]) == [(0, 0)]
+    crowded = features([93, 110, 108], [(50, 50), (52, 50), (53, 50)])
+    assert near(a, crowded, [(50, 50)]) == []
+
+
+def test_a_sole_candidate_matches_where_its_distance_is_small_enough() -> None:
+    a, b = features([100]), features([160], [(50, 50)])
+    assert near(a, b, [(50, 50)], limit=61) == [(0, 0)]
+    assert near(a, b, [(50, 50)], limit=59) == []
+
+
+def test_a_feature_without_a_predicted_place_matches_nothing() -> None:
+    a, b = features([100, 100]), features([100], [(50, 50)])
+    assert near(a, b, [NOWHERE, NOWHERE]) == []
+    assert near(a, b, [NOWHERE, (50, 50)]) == [(1, 0)]
+
+
+def test_of_rivals_for_one_feature_the_nearer_wins() -> None:
+    a, b = features([100, 103]), features([104], [(50, 50)])
+    assert near(a, b, [(50, 50), (50, 50)]) == [(1, 0)]
+
+
+def test_matching_near_nothing_gives_nothing() -> None:
+    some, none = features([1, 50]), features([])
+    assert near(none, some, []) == []
+    assert near(some, none, [(0, 0), (0, 0)]) == []
+
+
+def test_matching_near_is_matching_everywhere_where_all_is_in_reach() -> None:
+    rng = np.random.default_rng(0)
+    parents = rng.integers(0, 256, (60, 128))
+    noisy = parents + rng.integers(-20, 21, (2, 60, 128))
+    first, second = np.clip(noisy, 0, 255).astype(np.uint8)
+    a, b = described(first), described(second[rng.permutation(60)])
+    together = match_near(a, b, np.zeros((60, 2)), 1.0, 0.8, 1e9)
+    np.testing.assert_array_equal(together, match(a, b, 0.8))
+    assert len(together) == 60
+
+
+def test_the_matcher_takes_its_limits_from_the_settings() -> None:
+    config = RegistrationConfig(ratio=0.8, max_distance=60 / ROOT_SCALE)
+    matcher = DescriptorMatcher(config)
+    predicted = np.array([[50.0, 50.0]])
+    for value, expected in ((159, 1), (161, 0)):
+        b = features([value], [(50, 50)])
+        assert len(matcher.near(features([100]), b, predicted, 10.0)) == expected
+    assert pairs(matcher.everywhere(features([100]), features([93, 110]))) == [(0, 0)]

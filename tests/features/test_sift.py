@@ -1,0 +1,40 @@
+import cv2
+import numpy as np
+
+from vnav.config import FeaturesConfig
+from vnav.features.sift import ROOT_SCALE, Sift, root_sift, self_test
+
+
+def test_a_disc_is_found_at_its_centre() -> None:
+    # Drawn at sixteenths of a pixel; the patch's size is about that of the disc.
+    image = np.zeros((96, 128, 3), np.uint8)
+    centre = np.array([70.25, 40.5])
+    cv2.circle(image, (centre * 16).astype(int), 9 * 16, (255,) * 3, -1, cv2.LINE_AA, 4)
+    found = Sift(FeaturesConfig()).extract(image)
+    off = np.linalg.norm(found.keypoints_px - centre, axis=1)
+    assert off.min() < 0.1
+    assert 9 < found.scales_px[off.argmin()] < 36
+
+
+def test_root_sift_has_the_length_of_its_scale() -> None:
+    plain = np.random.default_rng(0).integers(0, 200, (20, 128)).astype(np.float32)
+    np.testing.assert_allclose(np.linalg.norm(root_sift(plain), axis=1), ROOT_SCALE, rtol=1e-5)
+
+
+def test_root_sift_of_an_empty_descriptor_is_empty() -> None:
+    assert not root_sift(np.zeros((1, 128), np.float32)).any()
+
+
+def test_plain_sift_is_had_by_choice() -> None:
+    image = np.random.default_rng(1).integers(0, 256, (80, 80, 3)).astype(np.uint8)
+    image = cv2.GaussianBlur(image, (0, 0), 2)
+    plain = Sift(FeaturesConfig(root_sift=False)).extract(image)
+    root = Sift(FeaturesConfig(root_sift=True)).extract(image)
+    np.testing.assert_array_equal(plain.keypoints_px, root.keypoints_px)
+    rooted = root_sift(plain.descriptors.astype(np.float32))
+    # Plain SIFT is stored in whole numbers, too: rounding both is off by 1 where numbers are small.
+    assert np.abs(rooted - root.descriptors).max() <= 1
+
+
+def test_the_self_test_passes() -> None:
+    self_test()
