@@ -17,6 +17,10 @@ Array = NDArray[np.float64]
 SAMPLE = 3  # matched points that fix a rigid transformation
 BATCH = 64  # hypotheses tried at once
 CONFIDENCE = 0.999
+NEAREST_M = 0.05  # nothing is seen nearer than this
+CONVERGED = 1e-5  # rad and m: a tenth of what the best pair of frames can tell
+CAUCHY_SIGMAS = 2.0
+INLIER_SIGMAS_SQUARED = 14.2  # chi-squared, 3 degrees of freedom: 99.7 % of the right matches
 
 
 class Matcher(Protocol):
@@ -134,37 +138,42 @@ class Pairs:
             [config.pixel_sigma_px**2, config.pixel_sigma_px**2, config.depth_sigma_per_m2**2]
         )
 
-    def __len__(self) -> int:
-        return len(self.points_a)
+        # Derivative (M, 3, 3) of a's points by their (u, v, 1/z).
+        self.point_jacobian = np.zeros((len(self.points_a), 3, 3))
+        self.point_jacobian[:, [0, 1], [0, 1]] = self.points_a[:, 2:] / self.focal
+        self.point_jacobian[:, :, 2] = -self.points_a * self.points_a[:, 2:]
 
-    def residuals(self, T_a_b: Array) -> tuple[Array, Array]:
-        """Residuals (..., M, 3) in pixels, pixels, 1/m, and points (..., M, 3) in b.
+    def residuals(self, T_a_b: Array) -> Array:
+        """Residuals (..., M, 3) in pixels, pixels, 1/m for one or many motions (..., 4, 4).
 
         Points behind b get an infinite residual; the third is 0 where b has no depth.
         """
         points = se3.transform(se3.inverse(T_a_b), self.points_a)
         z = points[..., 2]
-        front = z > 0.05
+        front = z > NEAREST_M
         inverse = 1 / np.where(front, z, 1.0)
         i = self.intrinsics
         u = i.fx * points[..., 0] * inverse + i.cx - self.px_b[:, 0]
         v = i.fy * points[..., 1] * inverse + i.cy - self.px_b[:, 1]
         w = np.where(self.both, inverse - self.inverse_depth_b, 0.0)
-        r = np.stack([np.where(front, u, np.inf), np.where(front, v, np.inf), w], -1)
-        return r, points
+        return np.stack([np.where(front, u, np.inf), np.where(front, v, np.inf), w], -1)
 
-    def whitening(self, T_a_b: Array, points: Array) -> Array:
-        """Matrices (M, 3, 3) that turn residuals into standard deviations at one pose.
+    def whitening(self, T_a_b: Array) -> Array:
+        """Matrices (M, 3, 3) that turn residuals into standard deviations near one motion.
 
         Both measurements count: b's own, and a's carried over by the motion.
         """
-        to_pixels = self.pixel_jacobian(points)
-        from_pixels = np.linalg.inv(self.pixel_jacobian(self.points_a))
-        J = to_pixels @ T_a_b[:3, :3].T @ from_pixels
+        points = self.points_b_from(T_a_b)
+        J = self.pixel_jacobian(points) @ T_a_b[:3, :3].T @ self.point_jacobian
         covariance = (J * self.variances) @ np.swapaxes(J, -1, -2) + np.diag(self.variances)
         covariance[~self.both, 2, :] = covariance[~self.both, :, 2] = 0
         covariance[~self.both, 2, 2] = 1.0
         return np.asarray(np.linalg.inv(np.linalg.cholesky(covariance)))
+
+    def points_b_from(self, T_a_b: Array) -> Array:
+        """Where b sees a's points (M, 3); (0, 0, 1) behind b, where residuals are infinite."""
+        points = se3.transform(se3.inverse(T_a_b), self.points_a)
+        return np.where(points[:, 2:] > NEAREST_M, points, [0.0, 0.0, 1.0])
 
     def pixel_jacobian(self, points: Array) -> Array:
         """Derivative (M, 3, 3) of (u, v, 1/z) by the point in the camera."""
@@ -205,53 +214,48 @@ def _squared_errors(pairs: Pairs, T_a_b: Array, config: RegistrationConfig) -> A
     The depth noise of both ends shows in the reprojection, so the threshold is meant in pixels
     and, for inverse depth, in as many standard deviations.
     """
-    r, _ = pairs.residuals(T_a_b)
+    r = pairs.residuals(T_a_b)
     sigmas = config.ransac_threshold_px / config.pixel_sigma_px * np.sqrt(pairs.variances)
     return np.asarray(((r / sigmas) ** 2).sum(-1))
 
 
 def _refine(T_a_b: Array, pairs: Pairs, iterations: int = 12) -> Array:
     """Gauss-Newton on whitened residuals with Cauchy weights; claim 3, S5."""
+    W = pairs.whitening(T_a_b)
     for _ in range(iterations):
-        H, g, _ = _normal_equations(T_a_b, pairs)
+        H, g, _ = _normal_equations(T_a_b, pairs, W)
         step = -np.linalg.solve(H + 1e-9 * np.eye(6) * np.trace(H), g)
         T_a_b = T_a_b @ se3.exp(step)
-        if np.abs(step).max() < 1e-6:
+        if np.abs(step).max() < CONVERGED:
             break
     return T_a_b
 
 
-def _normal_equations(T_a_b: Array, pairs: Pairs) -> tuple[Array, Array, Array]:
+def _normal_equations(T_a_b: Array, pairs: Pairs, W: Array) -> tuple[Array, Array, Array]:
     """Gauss-Newton matrix (6, 6), gradient (6,) and squared whitened residuals (M,)."""
-    r, points = pairs.residuals(T_a_b)
-    front = np.asarray(np.isfinite(r).all(-1))
-    points = np.where(front[:, None], points, [0.0, 0.0, 1.0])
-    W = pairs.whitening(T_a_b, points)
+    r, points = pairs.residuals(T_a_b), pairs.points_b_from(T_a_b)
+    front = np.isfinite(r[:, 0])
     e = (W @ np.where(front[:, None], r, 0.0)[..., None])[..., 0]
     moved = np.concatenate([se3.hat(points), np.broadcast_to(-np.eye(3), (len(r), 3, 3))], -1)
     J = W @ pairs.pixel_jacobian(points) @ moved
     J[~pairs.both, 2] = 0
     squared = np.where(front, (e**2).sum(-1), np.inf)
-    weight = 1 / (1 + squared / CAUCHY_SIGMAS**2)
-    H = np.einsum("nki,n,nkj->ij", J, weight, J)
-    return H, np.einsum("nki,n,nk->i", J, weight, e), squared
-
-
-CAUCHY_SIGMAS = 2.0
-INLIER_SIGMAS_SQUARED = 14.2  # chi-squared, 3 degrees of freedom: 99.7 % of the right matches
+    root_weight = 1 / np.sqrt(1 + squared / CAUCHY_SIGMAS**2)
+    J = (root_weight[:, None, None] * J).reshape(-1, 6)
+    return J.T @ J, J.T @ (root_weight[:, None] * e).ravel(), squared
 
 
 def _judge(
     T_a_b: Array, pairs: Pairs, matches: NDArray[np.int32], config: RegistrationConfig
 ) -> PoseEstimate | Rejected:
     """The estimate, or why too little holds it."""
-    H, _, squared = _normal_equations(T_a_b, pairs)
+    H, _, squared = _normal_equations(T_a_b, pairs, pairs.whitening(T_a_b))
     inlier = squared < INLIER_SIGMAS_SQUARED
     count = int(inlier.sum())
     if count < config.min_inliers:
         return Rejected("too few inliers", len(matches), count)
     if count < config.min_inlier_share * len(matches):
         return Rejected("too small a share of inliers", len(matches), count)
-    r, _ = pairs.residuals(T_a_b)
+    r = pairs.residuals(T_a_b)
     rms = float(np.sqrt((r[inlier, :2] ** 2).sum(-1).mean()))
     return PoseEstimate(T_a_b, H, matches[inlier], len(matches), rms)

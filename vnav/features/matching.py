@@ -7,6 +7,8 @@ from vnav.config import RegistrationConfig
 from vnav.core.frame import Features
 from vnav.features.sift import ROOT_SCALE
 
+BLOCK = 256  # rows at once, so that their distances stay in the cache
+
 
 class DescriptorMatcher:
     """Matches by descriptor distance, everywhere or near a prediction."""
@@ -37,25 +39,33 @@ def match(a: Features, b: Features, ratio: float, mutual: bool = True) -> NDArra
     """
     if len(a) == 0 or len(b) < 2:
         return np.zeros((0, 2), np.int32)
-    similarity, norm_a, norm_b = _products(a.descriptors, b.descriptors)
-    # For each row of a, the squared distances are norm_a - 2 * half_gain.
-    half_gain = similarity - norm_b / 2
-    rows = np.arange(len(a))
-    nearest = half_gain.argmax(1)
-    first = norm_a - 2 * half_gain[rows, nearest]
-    keep = np.ones(len(a), bool)
-    if mutual:
-        back = (similarity - norm_a[:, None] / 2).argmax(0)
-        keep = back[nearest] == rows
-    half_gain[rows, nearest] = -np.inf
-    second = norm_a - 2 * half_gain.max(1)
-    keep &= first < ratio**2 * second
-    return np.stack([rows[keep], nearest[keep]], 1).astype(np.int32)
+    fa, fb = a.descriptors.astype(np.float32), b.descriptors.astype(np.float32)
+    nearest = np.empty(len(a), np.intp)
+    keep = np.empty(len(a), bool)
+    for start in range(0, len(a), BLOCK):
+        rows = slice(start, start + BLOCK)
+        nearest[rows], first, second = _two_nearest(fa[rows], fb)
+        keep[rows] = first < ratio**2 * second
+    rows = np.flatnonzero(keep)
+    if mutual and len(rows):
+        rows = rows[_gain(fb[nearest[rows]], fa).argmax(1) == rows]
+    return np.stack([rows, nearest[rows]], 1).astype(np.int32)
 
 
-def _products(
-    a: NDArray[np.uint8], b: NDArray[np.uint8]
-) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.float32]]:
-    """Inner products (A, B) and squared lengths; exact in float32 for 128 bytes."""
-    fa, fb = a.astype(np.float32), b.astype(np.float32)
-    return fa @ fb.T, np.einsum("ij,ij->i", fa, fa), np.einsum("ij,ij->i", fb, fb)
+def _two_nearest(
+    fa: NDArray[np.float32], fb: NDArray[np.float32]
+) -> tuple[NDArray[np.intp], NDArray[np.float32], NDArray[np.float32]]:
+    """For each row of a the nearest of b, and the squared distances of the two nearest."""
+    gain, rows = _gain(fa, fb), np.arange(len(fa))
+    nearest = gain.argmax(1)
+    first = gain[rows, nearest]
+    gain[rows, nearest] = -np.inf
+    length = np.einsum("ij,ij->i", fa, fa)
+    return nearest, length - 2 * first, length - 2 * gain.max(1)
+
+
+def _gain(fa: NDArray[np.float32], fb: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Largest where nearest: |a|^2 - 2 gain is the squared distance; exact for bytes."""
+    gain = fa @ fb.T
+    gain -= np.einsum("ij,ij->i", fb, fb) / 2
+    return gain
