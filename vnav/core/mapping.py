@@ -150,13 +150,13 @@ class Landmarks:
 class World:
     """How the world frame was found: z up, floor at z = 0.
 
-    ``source`` is "floor", "structure" or "cameras"; ``floor_inliers`` the floor points found;
-    ``floor_rms_m`` their spread about z = 0, NaN without a floor.
+    ``source`` is "floor", "structure" or "cameras"; ``floor_points`` the points found on the floor;
+    ``floor_rms_m`` their spread about z = 0, None without a floor.
     """
 
     source: str
     floor_points: int
-    floor_rms_m: float
+    floor_rms_m: float | None
 
 
 @dataclass(frozen=True)

@@ -1,6 +1,7 @@
 """The arrays that mapping stages leave in the map folder, saved and loaded."""
 
 import json
+import zipfile
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
@@ -55,7 +56,7 @@ def load_odometry(folder: MapFolder) -> Odometry:
     """The result of the odometry stage."""
     stage = folder.stage("odometry")
     frames = _load(stage / "frames.npz")
-    lost = json.loads((stage / "lost.json").read_text("utf-8"))
+    lost = _load_json(stage / "lost.json")
     return Odometry(
         FrameTable(frames["capture"], frames["index"], frames["stamp_s"]),
         frames["T_segment_camera"],
@@ -73,8 +74,14 @@ def save_keyframe(draft: Path, row: int, frame: Frame) -> None:
     color = cv2.cvtColor(np.asarray(frame.color), cv2.COLOR_RGB2BGR)
     path = draft / "keyframes"
     path.mkdir(exist_ok=True)
-    cv2.imwrite(str(path / f"{row:06d}.jpg"), color, [cv2.IMWRITE_JPEG_QUALITY, 92])
-    cv2.imwrite(str(path / f"{row:06d}.png"), depth, [cv2.IMWRITE_PNG_COMPRESSION, 1])
+    _write_image(path / f"{row:06d}.jpg", color, cv2.IMWRITE_JPEG_QUALITY, 92)
+    _write_image(path / f"{row:06d}.png", depth, cv2.IMWRITE_PNG_COMPRESSION, 1)
+
+
+def _write_image(path: Path, image: NDArray[Any], *parameters: int) -> None:
+    """Unlike cv2.imwrite, a full disk is an OSError."""
+    _, data = cv2.imencode(path.suffix, image, parameters)
+    path.write_bytes(data.tobytes())
 
 
 def load_keyframe(folder: MapFolder, row: int, frames: FrameTable) -> Frame:
@@ -106,8 +113,8 @@ def save_loops(
 
 def load_loops(folder: MapFolder) -> tuple[LoopVerdict, ...]:
     """Every loop candidate and what became of it."""
-    text = (folder.stage("loops") / "verdicts.json").read_text("utf-8")
-    return tuple(LoopVerdict(**verdict) for verdict in json.loads(text))
+    verdicts = _load_json(folder.stage("loops") / "verdicts.json")
+    return tuple(LoopVerdict(**verdict) for verdict in verdicts)
 
 
 def load_loop_edges(folder: MapFolder) -> tuple[tuple[Edge, ...], NDArray[np.int32]]:
@@ -135,7 +142,7 @@ def load_optimised(folder: MapFolder) -> OptimisedMap:
     stage = folder.stage("optimise")
     arrays = _load(stage / "map.npz")
     poses, covariance = arrays.pop("T_world_camera"), arrays.pop("keyframe_covariance")
-    world = World(**json.loads((stage / "world.json").read_text("utf-8")))
+    world = World(**_load_json(stage / "world.json"))
     return OptimisedMap(poses, covariance, Landmarks(**arrays), world)
 
 
@@ -187,8 +194,18 @@ def _load(path: Path) -> Arrays:
     try:
         with np.load(path, allow_pickle=False) as file:
             return dict(file)
-    except (OSError, ValueError) as error:
+    except (OSError, ValueError, EOFError, zipfile.BadZipFile) as error:
         raise MapError(
             f"expected arrays in {path}, found: {error}; build the map anew with"
+            " 'vnav build-map CAPTURE --fresh'"
+        ) from error
+
+
+def _load_json(path: Path) -> Any:
+    try:
+        return json.loads(path.read_text("utf-8"))
+    except (OSError, ValueError) as error:
+        raise MapError(
+            f"expected JSON in {path}, found: {error}; build the map anew with"
             " 'vnav build-map CAPTURE --fresh'"
         ) from error

@@ -43,7 +43,7 @@ def find_world(
     if floor is None:
         up, source = _structure(surface, T_any_camera)
         height = float(np.percentile(surface.points @ up, 0.5)) if len(surface.points) else 0.0
-        return _upright(up, height, surface, T_any_camera), World(source, 0, -1.0)
+        return _upright(up, height, surface, T_any_camera), World(source, 0, None)
     up, height, members = floor
     rms = float(np.sqrt(((surface.points[members] @ up - height) ** 2).mean()))
     return _upright(up, height, surface, T_any_camera), World("floor", int(members.sum()), rms)
