@@ -18,6 +18,7 @@ from vnav.core.camera import Intrinsics
 from vnav.core.grid import FREE
 from vnav.core.progress import Progress, silent
 from vnav.errors import CaptureError
+from vnav.io.grid_files import write_grid
 from vnav.synthetic.path import look, walk
 from vnav.synthetic.scene import Scene
 from vnav.synthetic.scenes import SCENES
@@ -26,6 +27,8 @@ from vnav.synthetic.sensor import Sensor, gains, measured_color, measured_depth
 UNITS_PER_METRE = 5000
 FIRST_STAMP_S = 1000.0
 DEPTH_LAG_S = 0.004  # the depth camera exposes a little later; what it sees is written as of now
+GRID_M = 0.05
+OBSTACLES_M = 0.10, 1.40  # what stands between these heights is in the way
 PHOTO_CLEARANCE_M = 0.4
 NEAREST_VIEW_M = 1.5  # median depth of a photo is no less
 
@@ -83,11 +86,14 @@ def write_capture(folder: Path, spec: CaptureSpec, progress: Progress = silent) 
     """Write rgb/, depth/, their lists, camera.toml, groundtruth.txt and photos/ into a folder.
 
     The layout is that of the TUM RGB-D benchmark; poses are of the colour camera in a world with
-    z up and the floor at z = 0; photos/ holds its own camera.toml and groundtruth.txt.
+    z up and the floor at z = 0; photos/ holds its own camera.toml and groundtruth.txt, truth/ a
+    grid of what really stands in a robot's way.
     """
     scene = SCENES[spec.scene](spec.seed)
     _write_frames(folder, scene, spec, progress)
     _write_photos(folder / "photos", scene, spec, progress)
+    (folder / "truth").mkdir()
+    write_grid(folder / "truth", scene.grid(GRID_M, *OBSTACLES_M))
 
 
 def camera_poses(scene: Scene, spec: CaptureSpec) -> NDArray[np.float64]:
@@ -100,7 +106,7 @@ def photo_poses(scene: Scene, spec: CaptureSpec) -> NDArray[np.float64]:
     """T_world_camera (photos, 4, 4): places off the path that see what was seen from the path."""
     rng = _rng(spec, 1)
     T_path = camera_poses(scene, spec)
-    obstacles = scene.grid(0.05, 0.1, 2.0)
+    obstacles = scene.grid(GRID_M, *OBSTACLES_M)
     poses: list[NDArray[np.float64]] = []
     while len(poses) < spec.photos:
         near = T_path[int((len(poses) + rng.random()) / spec.photos * spec.frames)]
