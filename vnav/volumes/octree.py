@@ -1,0 +1,139 @@
+"""An octree that says what is occupied, free and unknown (claim 3, S8); sole user of octomap.
+
+Source: Hornung et al., OctoMap, 2013: each scan marks the voxels of its points occupied and all
+that its rays pass through free; log-odds are summed, clamped, and thresholded at even odds.
+"""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import octomap
+from numpy.typing import NDArray
+
+from vnav.core.arrays import frozen
+from vnav.errors import MapError, VnavError
+
+BINARY_HEADER = b"# Octomap OcTree binary file"
+HEADER = b"# Octomap OcTree file"
+
+
+@dataclass(frozen=True)
+class Leaves:
+    """Cubes that were seen: what no cube covers is unknown.
+
+    ``centres_world`` (N, 3) float64 in metres, ``occupied`` (N,) bool, the others are free,
+    ``size_m`` (N,) float64: edges, the resolution times a power of two.
+    """
+
+    centres_world: NDArray[np.float64]
+    occupied: NDArray[np.bool_]
+    size_m: NDArray[np.float64]
+
+    def __post_init__(self) -> None:
+        n = len(self.occupied)
+        object.__setattr__(self, "centres_world", frozen(self.centres_world, float, (n, 3)))
+        object.__setattr__(self, "occupied", frozen(self.occupied, bool, (n,)))
+        object.__setattr__(self, "size_m", frozen(self.size_m, float, (n,)))
+
+    def __len__(self) -> int:
+        return len(self.occupied)
+
+
+class Octree:
+    """Occupancy of space in voxels of ``resolution_m``."""
+
+    def __init__(self, resolution_m: float) -> None:
+        self._tree = octomap.OcTree(resolution_m)
+
+    @classmethod
+    def read(cls, path: Path) -> "Octree":
+        """The octree of an .ot or .bt file; MapError where there is none, or not a whole one."""
+        try:
+            content = path.read_bytes()
+        except OSError as error:
+            raise MapError(
+                f"expected an octree in {path}, found: {error.strerror}; run 'vnav fuse'"
+            ) from error
+        try:
+            return cls._from_bytes(content)
+        except ValueError as error:
+            raise MapError(
+                f"expected a whole octree in {path}, found {len(content)} bytes that are none;"
+                " build the map anew with 'vnav build-map CAPTURE --fresh'"
+            ) from error
+
+    @property
+    def resolution_m(self) -> float:
+        """Edge of the smallest voxels."""
+        return float(self._tree.getResolution())
+
+    def insert(
+        self, points_world: NDArray[np.floating], sensor_world: NDArray[np.floating]
+    ) -> None:
+        """Add one scan: its points (N, 3), and the sensor (3,) that all its rays start from.
+
+        Within a scan a voxel that holds a point is occupied whatever rays cross it, so one point
+        a voxel does. Call `settle` after the last scan.
+        """
+        points = np.ascontiguousarray(points_world, float)
+        self._tree.insertPointCloud(points, np.array(sensor_world, float), lazy_eval=True)
+
+    def settle(self) -> None:
+        """Bring the inner nodes up to date with the voxels."""
+        self._tree.updateInnerOccupancy()
+
+    def write(self, path: Path) -> None:
+        """Write an .ot file, which holds log-odds, or a .bt file, which holds states only."""
+        binary = path.suffix == ".bt"
+        path.write_bytes(self.most_likely()._tree.writeBinary() if binary else self._tree.write())
+
+    def most_likely(self) -> "Octree":
+        """A copy whose voxels are surely occupied or free, equal neighbours made one cube."""
+        copy = self._from_bytes(self._tree.write())
+        copy._tree.writeBinary()  # octomap rounds and prunes the tree itself before it writes it
+        return copy
+
+    def leaves(self) -> Leaves:
+        """Every cube that was seen; of a tree without scans, none. Order is that of the tree."""
+        if not self._tree.size():
+            return Leaves(np.zeros((0, 3)), np.zeros(0, bool), np.zeros(0))
+        threshold = self._tree.getOccupancyThresLog()
+        rows = (
+            (leaf.getX(), leaf.getY(), leaf.getZ(), leaf.getSize(), leaf.getValue() > threshold)
+            for leaf in self._tree.begin_leafs()
+        )
+        table = np.fromiter(rows, "f8, f8, f8, f8, ?")
+        centres = np.stack([table["f0"], table["f1"], table["f2"]], 1)
+        return Leaves(centres, table["f4"], table["f3"])
+
+    @classmethod
+    def _from_bytes(cls, content: bytes) -> "Octree":
+        """ValueError where the content is not what octomap would write itself."""
+        octree = cls(1.0)
+        if content.startswith(BINARY_HEADER):
+            whole = octree._tree.readBinary(content) and octree._tree.writeBinary() == content
+        elif content.startswith(HEADER):
+            octree._tree = octomap.OcTree.read(content)
+            whole = octree._tree.write() == content
+        else:
+            whole = False
+        if not whole:
+            raise ValueError("not a whole octree")
+        return octree
+
+
+def self_test() -> None:
+    """Insert a scan of a wall and read it back; VnavError where octomap gets it wrong."""
+    octree = Octree(0.1)
+    wall = np.array([[1.05, y, z] for y in (-0.05, 0.05) for z in (-0.05, 0.05)])
+    octree.insert(wall, np.array([0.05, 0.0, 0.0]))
+    octree.settle()
+    leaves = octree.most_likely().leaves()
+    occupied = leaves.centres_world[leaves.occupied]
+    seen = occupied[np.lexsort(occupied.T[::-1])]
+    if seen.shape != wall.shape or not np.allclose(seen, wall) or leaves.occupied.all():
+        raise VnavError(
+            f"expected octomap to mark a wall of 4 voxels and free space before it, found"
+            f" {len(seen)} occupied of {len(leaves)} cubes; reinstall octomap-python"
+        )
