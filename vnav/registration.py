@@ -21,6 +21,7 @@ NEAREST_M = 0.05  # nothing is seen nearer than this
 CONVERGED = 1e-5  # rad and m: a tenth of what the best pair of frames can tell
 CAUCHY_SIGMAS = 2.0
 INLIER_SIGMAS_SQUARED = 14.2  # chi-squared, 3 degrees of freedom: 99.7 % of the right matches
+LINE_SIGMAS = 2.0  # of depth: points that spread less off a line do not fix the turn about it
 
 
 class Matcher(Protocol):
@@ -224,7 +225,7 @@ def _refine(T_a_b: Array, pairs: Pairs, iterations: int = 12) -> Array:
     W = pairs.whitening(T_a_b)
     for _ in range(iterations):
         H, g, _ = _normal_equations(T_a_b, pairs, W)
-        step = -np.linalg.solve(H + 1e-9 * np.eye(6) * np.trace(H), g)
+        step = -np.linalg.solve(H + 1e-9 * (1 + np.trace(H)) * np.eye(6), g)
         T_a_b = T_a_b @ se3.exp(step)
         if np.abs(step).max() < CONVERGED:
             break
@@ -256,6 +257,15 @@ def _judge(
         return Rejected("too few inliers", len(matches), count)
     if count < config.min_inlier_share * len(matches):
         return Rejected("too small a share of inliers", len(matches), count)
+    if _on_line(pairs.points_a[inlier], config):
+        return Rejected("matches on a line", len(matches), count)
     r = pairs.residuals(T_a_b)
     rms = float(np.sqrt((r[inlier, :2] ** 2).sum(-1).mean()))
     return PoseEstimate(T_a_b, H, matches[inlier], len(matches), rms)
+
+
+def _on_line(points: Array, config: RegistrationConfig) -> bool:
+    """Whether points (M, 3) spread off a line by no more than noise; so do those on one spot."""
+    variance = np.linalg.eigvalsh(np.cov(points.T, bias=True))[1]
+    noise = config.depth_sigma_per_m2**2 * (points[:, 2] ** 4).mean()
+    return bool(variance < LINE_SIGMAS**2 * noise)
