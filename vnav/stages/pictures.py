@@ -8,10 +8,10 @@ import numpy as np
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
+from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
-from mpl_toolkits.axes_grid1.anchored_artists import AnchoredSizeBar
 from numpy.typing import NDArray
 
 from vnav.core.cloud import PointCloud
@@ -21,15 +21,14 @@ from vnav.io.artifacts import load_loops, load_odometry, load_optimised
 from vnav.io.grid_files import read_grid
 from vnav.io.map_folder import MapFolder
 from vnav.io.ply import read_cloud
+from vnav.volumes.top_view import seen_from_above
 
 NAMES = ("trajectory", "grid", "cloud")
+MARGIN_M = 0.3  # about the path
 CUT_M = 2.0  # the cloud is drawn up to this height: ceilings would hide the rooms
 PIXEL_M = 0.02  # of the cloud's picture
-LONGEST_PX = 2000  # its longest side; larger maps get larger pixels
-SHADE_PER_M = 3.5  # how much darker a pixel is, by the mean rise to its neighbours
-FILLED_BY = 4  # an empty pixel with so many full neighbours takes their mean
-BACKGROUND = (0.13, 0.15, 0.17)
-COLORS = {FREE: (255, 255, 255), OCCUPIED: (38, 50, 56), UNKNOWN: (214, 218, 222)}
+LONGEST_PX = 1500  # its longest side; larger maps get larger pixels
+COLORS = {FREE: "#ffffff", OCCUPIED: "#263238", UNKNOWN: "#d6dade"}
 Array = NDArray[np.float64]
 
 
@@ -53,16 +52,19 @@ def trajectory_figure(
     grid: Grid, odometry: Odometry, T_world_camera: Array, loops: tuple[LoopVerdict, ...]
 ) -> Figure:
     """The camera's path on the faded grid: accepted loops, and gaps where frames have no pose."""
-    figure, axes = _figure(_extent(grid), "Trajectory")
+    path = T_world_camera[:, :2, 3]
+    left, right, bottom, top = _extent(grid)
+    (x_min, y_min), (x_max, y_max) = np.nanmin(path, 0) - MARGIN_M, np.nanmax(path, 0) + MARGIN_M
+    shown = min(left, x_min), max(right, x_max), min(bottom, y_min), max(top, y_max)
+    figure, axes = _figure(shown, "Trajectory")
     axes.imshow(_grid_image(grid), origin="lower", extent=_extent(grid), alpha=0.35)
+    axes.set(xlim=shown[:2], ylim=shown[2:])
     for capture in np.unique(odometry.frames.capture):
-        _draw_path(axes, T_world_camera[odometry.frames.capture == capture, :2, 3])
+        _draw_path(axes, path[odometry.frames.capture == capture])
     rows = [keyframe.row for keyframe in odometry.keyframes]
     ends = np.array([[rows[v.i], rows[v.j]] for v in loops if v.accepted], int).reshape(-1, 2)
-    axes.add_collection(
-        LineCollection(list(T_world_camera[ends, :2, 3]), colors="#8e24aa", lw=0.5, alpha=0.3)
-    )
-    axes.plot(*T_world_camera[rows, :2, 3].T, ".", color="#0d47a1", ms=3)
+    axes.add_collection(LineCollection(list(path[ends]), colors="#8e24aa", lw=0.5, alpha=0.3))
+    axes.plot(*path[rows].T, ".", color="#0d47a1", ms=3)
     entries = [
         Line2D([], [], color="#1e88e5", lw=2, label="camera, frame by frame"),
         Line2D([], [], color="#0d47a1", ls="", marker=".", label=f"{len(rows)} keyframes"),
@@ -70,10 +72,10 @@ def trajectory_figure(
         Line2D([], [], color="#2e7d32", ls="", marker="o", label="start"),
         Line2D([], [], color="#e65100", ls="", marker="s", label="end"),
     ]
-    known = np.isfinite(T_world_camera[:, 0, 3])
-    if not known.all():
-        spans = sum(not found for found, _ in groupby(known))
-        label = f"{(~known).sum()} frames without a pose, in {spans} spans"
+    missing = ~np.isfinite(path[:, 0])
+    if missing.any():
+        spans = sum(lost for lost, _ in groupby(missing))
+        label = f"{missing.sum()} frames without a pose, in {spans} spans"
         entries.append(Line2D([], [], color="#e53935", lw=2, ls=":", label=label))
     _legend(figure, entries)
     return figure
@@ -88,7 +90,7 @@ def grid_figure(grid: Grid) -> Figure:
         figure,
         [
             Patch(
-                facecolor=np.array(COLORS[state]) / 255,
+                facecolor=COLORS[state],
                 edgecolor="#90a4ae",
                 label=f"{name}, {grid.area_m2(state):.1f} m²",
             )
@@ -99,48 +101,25 @@ def grid_figure(grid: Grid) -> Figure:
 
 
 def cloud_figure(cloud: PointCloud) -> Figure:
-    """The cloud seen from above, shaded by height."""
-    shown = cloud.points_world[:, 2] < CUT_M
-    points, colors = cloud.points_world[shown], cloud.colors[shown]
-    low, high = points[:, :2].min(0), points[:, :2].max(0)
-    pixel_m = max(PIXEL_M, float((high - low).max()) / LONGEST_PX)
-    image = _seen_from_above(points, colors, pixel_m)
-    height, width = image.shape[:2]
-    x, y = float(low[0]), float(low[1])
-    extent = (x, x + width * pixel_m, y, y + height * pixel_m)
-    figure, axes = _figure(extent, f"Cloud, up to {CUT_M:g} m above the floor")
+    """The cloud seen from above, shaded by height; empty axes where nothing is low enough."""
+    low = cloud.points_world[:, 2] < CUT_M
+    shown = PointCloud(cloud.points_world[low], cloud.colors[low])
+    title = f"Cloud, up to {CUT_M:g} m above the floor"
+    if not len(shown):
+        return _figure((0, 1, 0, 1), title)[0]
+    corner = shown.points_world[:, :2].min(0)
+    size_m = shown.points_world[:, :2].max(0) - corner
+    pixel_m = max(PIXEL_M, float(size_m.max()) / LONGEST_PX)
+    image = seen_from_above(shown, pixel_m)
+    x, y = (float(c) for c in corner)
+    extent = (x, x + image.shape[1] * pixel_m, y, y + image.shape[0] * pixel_m)
+    figure, axes = _figure(extent, title)
     axes.imshow(image, origin="lower", extent=extent)
     return figure
 
 
-def _seen_from_above(
-    points: NDArray[np.float32], colors: NDArray[np.uint8], pixel_m: float
-) -> Array:
-    """RGB (H, W, 3) in 0 to 1 of the highest point in each pixel, darker beside higher ones."""
-    column, row = np.floor((points[:, :2] - points[:, :2].min(0)) / pixel_m).astype(int).T
-    rising = np.argsort(points[:, 2], kind="stable")
-    image = np.full((row.max() + 1, column.max() + 1, 4), np.nan)
-    image[row[rising], column[rising], :3] = colors[rising] / 255
-    image[row[rising], column[rising], 3] = points[rising, 2]
-    around = _around(image)
-    count = np.isfinite(around[..., 3]).sum(0)
-    hole = np.isnan(image[..., 3]) & (count >= FILLED_BY)
-    image[hole] = np.nansum(around[:, hole], 0) / count[hole, None]
-    rises_m = np.clip(_around(image[..., 3:])[..., 0] - image[..., 3], 0, 1)
-    shade = np.exp(-SHADE_PER_M * np.nan_to_num(rises_m).mean(0))
-    return np.where(np.isnan(image[..., 3:]), BACKGROUND, image[..., :3] * shade[..., None])
-
-
-def _around(image: Array) -> Array:
-    """The eight neighbours (8, H, W, C) of each pixel, NaN outside."""
-    height, width = image.shape[:2]
-    padded = np.pad(image, ((1, 1), (1, 1), (0, 0)), constant_values=np.nan)
-    shifts = [(y, x) for y in range(3) for x in range(3) if (y, x) != (1, 1)]
-    return np.array([padded[y : y + height, x : x + width] for y, x in shifts])
-
-
-def _grid_image(grid: Grid) -> NDArray[np.uint8]:
-    palette = np.array([COLORS[state] for state in (FREE, OCCUPIED, UNKNOWN)], np.uint8)
+def _grid_image(grid: Grid) -> Array:
+    palette = np.array([to_rgb(COLORS[state]) for state in (FREE, OCCUPIED, UNKNOWN)])
     return np.asarray(palette[grid.cells])
 
 
@@ -171,10 +150,10 @@ def _figure(extent: tuple[float, float, float, float], title: str) -> tuple[Figu
     axes.set(xlim=extent[:2], ylim=extent[2:])
     axes.spines[["top", "right"]].set_visible(False)
     bar_m = next(length for length in (5, 2, 1, 0.5, 0.2) if length < width / 4 or length == 0.2)
-    above = {"loc": "lower right", "bbox_to_anchor": (1, 1), "bbox_transform": axes.transAxes}
-    axes.add_artist(
-        AnchoredSizeBar(axes.transData, bar_m, f"{bar_m:g} m", frameon=False, **above)
-    )
+    right, above = extent[1], axes.get_xaxis_transform()
+    bar = [right - bar_m, right]
+    axes.plot(bar, [1.02, 1.02], "k|-", ms=6, lw=1.5, transform=above, clip_on=False)
+    axes.text(right - bar_m / 2, 1.03, f"{bar_m:g} m", ha="center", transform=above)
     return figure, axes
 
 

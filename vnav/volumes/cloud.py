@@ -7,8 +7,9 @@ from vnav.config import FuseConfig
 from vnav.core.cloud import PointCloud
 
 LIKE_NEIGHBOURS = 3  # of 8: fewer make a pixel an isolated one; a line two pixels wide stays
-KEY_BITS = 21  # a voxel's key holds three coordinates of 21 bits: 20 km either way at 1 cm
-INDEX_BITS = 22  # beside a key that is relative to a scan's corner: images up to 4 megapixels
+KEY_BITS = 21  # a voxel's key holds three coordinates of 21 bits: 10 km either way at 1 cm
+INDEX_BITS = 22  # beside a key that counts from a scan's corner: images up to 4 megapixels
+NOTHING = np.zeros(0, np.int64), np.zeros((0, 7))
 
 
 def filter_depth(depth_m: NDArray[np.float32], config: FuseConfig) -> NDArray[np.float32]:
@@ -27,7 +28,10 @@ def filter_depth(depth_m: NDArray[np.float32], config: FuseConfig) -> NDArray[np
 
 
 def first_in_voxel(points: NDArray[np.floating], voxel_m: float) -> NDArray[np.intp]:
-    """Rows of the first point in each voxel that has any, ordered by voxel; of points (N, 3)."""
+    """Rows of the first point in each voxel that has any, ordered by voxel.
+
+    Of points (N, 3) of one scan, at most 4 million.
+    """
     if not len(points):
         return np.zeros(0, np.intp)
     corners = np.floor(np.ascontiguousarray(points.T) / voxel_m).astype(np.int64)
@@ -47,10 +51,8 @@ class VoxelCloud:
 
     def __init__(self, voxel_m: float) -> None:
         self._voxel_m = voxel_m
-        self._key = np.zeros(0, np.int64)
-        self._sum = np.zeros((0, 7))
-        self._pending: list[tuple[NDArray[np.int64], NDArray[np.float64]]] = []
-        self._pending_rows = 0
+        self._key, self._sum = NOTHING  # sums of x, y, z, red, green, blue and count
+        self._new: list[tuple[NDArray[np.int64], NDArray[np.float64]]] = []
 
     def add(self, points_world: NDArray[np.floating], colors: NDArray[np.uint8]) -> None:
         """Put in points (N, 3) in metres with their colours (N, 3)."""
@@ -63,31 +65,35 @@ class VoxelCloud:
         row = np.searchsorted(self._key, key)
         known = np.r_[self._key, -1][row] == key
         self._sum[row[known]] += total[known]
-        self._pending.append((key[~known], total[~known]))
-        self._pending_rows += int((~known).sum())
-        if self._pending_rows > len(self._key):
-            self._merge()
+        self._new.append((key[~known], total[~known]))
+        if 2 * sum(len(new) for new, _ in self._new) > len(self._key):
+            self._insert_new()
 
     def cloud(self) -> PointCloud:
         """What was put in, ordered by voxel."""
-        self._merge()
+        self._insert_new()
         mean = self._sum[:, :6] / self._sum[:, 6:]
         return PointCloud(mean[:, :3].astype(np.float32), np.rint(mean[:, 3:]).astype(np.uint8))
 
-    def _merge(self) -> None:
-        keys, sums = zip((self._key, self._sum), *self._pending, strict=True)
-        self._key, self._sum = _summed(np.concatenate(keys), np.concatenate(sums))
-        self._pending, self._pending_rows = [], 0
+    def _insert_new(self) -> None:
+        keys, totals = zip(NOTHING, *self._new, strict=True)
+        key, total = _summed(np.concatenate(keys), np.concatenate(totals))
+        row = np.searchsorted(self._key, key)
+        self._key = np.insert(self._key, row, key)
+        self._sum = np.insert(self._sum, row, total, axis=0)
+        self._new = []
 
 
 def _summed(
     key: NDArray[np.int64], values: NDArray[np.float64]
 ) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
     """Ascending distinct keys, and the sum of the rows of values that share each."""
+    if not len(key):
+        return NOTHING
     order = np.argsort(key, kind="stable")
     key = key[order]
-    starts = np.flatnonzero(np.r_[True, key[1:] != key[:-1]]) if len(key) else np.zeros(0, int)
-    return key[starts], np.add.reduceat(values[order], starts, axis=0) if len(key) else values
+    starts = np.flatnonzero(np.r_[True, key[1:] != key[:-1]])
+    return key[starts], np.add.reduceat(values[order], starts, axis=0)
 
 
 def _on_edge(inverse: NDArray[np.float32], edge_per_m: float) -> NDArray[np.bool_]:
