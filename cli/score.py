@@ -1,0 +1,58 @@
+"""Measure a trajectory against the truth."""
+
+import json
+from pathlib import Path
+
+import click
+
+from vnav.cli.build_map import camera_option
+
+
+@click.command()
+@click.argument("trajectory", type=click.Path(path_type=Path))
+@click.argument("truth", type=click.Path(path_type=Path))
+@click.option(
+    "--max-difference",
+    "max_difference_s",
+    metavar="S",
+    type=click.FloatRange(min=0, min_open=True),
+    default=0.02,
+    show_default=True,
+    help="Largest difference in time between a pose and its true one, in seconds.",
+)
+@click.option(
+    "--frames",
+    metavar="N",
+    type=click.IntRange(min=1),
+    default=1,
+    show_default=True,
+    help="How many frames apart the poses are whose relative error is taken.",
+)
+@camera_option
+@click.option("--json", "as_json", is_flag=True, help="Print the score as one JSON object.")
+def score(
+    trajectory: Path,
+    truth: Path,
+    max_difference_s: float,
+    frames: int,
+    camera_file: Path | None,
+    as_json: bool,
+) -> None:
+    """Print ATE and RPE of the poses in TRAJECTORY against those in TRUTH.
+
+    Both are TUM files, lines of 'stamp tx ty tz qx qy qz qw'; TRUTH may also be a capture folder
+    that comes with its truth. docs/scoring.md defines every figure.
+    """
+    from vnav.config import CaptureConfig
+    from vnav.io.capture import read_truth
+    from vnav.io.trajectories import read_tum
+    from vnav.stages import score as stage
+
+    estimate = read_tum(trajectory)
+    true = read_truth(truth, CaptureConfig(), camera_file)
+    result = stage.score(estimate, true, max_difference_s, frames)
+    if as_json:
+        click.echo(json.dumps(result.as_dict(), indent=1, allow_nan=False))
+        return
+    for line in stage.table(result):
+        click.echo(line)
