@@ -1,0 +1,63 @@
+"""Tell what a map holds."""
+
+import json
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import click
+
+
+@click.command()
+@click.argument("map_dir", metavar="MAP", type=click.Path(path_type=Path))
+@click.option("--json", "as_json", is_flag=True, help="Print everything as one JSON object.")
+def info(map_dir: Path, as_json: bool) -> None:
+    """Print what the map in the folder MAP holds, and which of its stages are up to date."""
+    from vnav.io.map_folder import MapFolder
+    from vnav.stages.overview import overview
+
+    values = overview(MapFolder.open(map_dir))
+    if as_json:
+        click.echo(json.dumps(values, indent=1))
+        return
+    for title, line in _lines(values):
+        click.echo(f"{title:12}{line}")
+
+
+def _lines(values: dict[str, Any]) -> Iterator[tuple[str, str]]:
+    yield "map", f"{values['map']}, {values['size_mb']:.1f} MB"
+    for capture in values["captures"]:
+        width, height = capture["size_px"]
+        yield "capture", f"{capture['id']}: {capture['name']}, {width} x {height}"
+    if "frames" in values:
+        frames = f"{values['tracked']} of {values['frames']} tracked"
+        yield "frames", f"{frames}, {values['keyframes']} keyframes"
+    for span in values.get("lost", []):
+        where = f"{span['first']} to {span['last']} of capture {span['capture']}"
+        yield "no pose", f"frames {where}: {span['reason']}"
+    if "loops" in values:
+        loops = values["loops"]
+        yield "loops", f"{loops['accepted']} of {loops['tried']} candidates accepted"
+    if "landmarks" in values:
+        yield "path", f"{values['path_m']:.1f} m"
+        yield "landmarks", str(values["landmarks"])
+        yield "world", _world(values["world"])
+    if "grid" in values:
+        yield "grid", _grid(values["grid"])
+    if values["current"]:
+        yield "current", json.dumps(values["current"])
+    for name, stage in values["stages"].items():
+        seconds = "" if stage["seconds"] is None else f"{stage['seconds']:8.1f} s"
+        yield "stage", f"{name:12}{stage['state']:9}{stage['size_mb']:8.1f} MB{seconds}"
+
+
+def _world(world: dict[str, Any]) -> str:
+    if world["source"] == "floor":
+        return f"z up from the floor, flat within {world['floor_rms_m'] * 1000:.0f} mm"
+    return f"no floor was seen: z up from the {world['source']}"
+
+
+def _grid(grid: dict[str, Any]) -> str:
+    width, height = grid["size_m"]
+    areas = ", ".join(f"{area:.1f} m2 {state}" for state, area in grid["area_m2"].items())
+    return f"{width:.1f} x {height:.1f} m: {areas}"

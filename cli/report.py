@@ -1,0 +1,18 @@
+"""Write everything about a map into one page."""
+
+from pathlib import Path
+
+import click
+
+
+@click.command()
+@click.argument("map_dir", metavar="MAP", type=click.Path(path_type=Path))
+def report(map_dir: Path) -> None:
+    """Write reports/report.html in the folder MAP: numbers, pictures, warnings, loops, lost spans.
+
+    The page is one file that needs nothing else.
+    """
+    from vnav.io.map_folder import MapFolder
+    from vnav.stages import report as stage
+
+    click.echo(stage.write(MapFolder.open(map_dir)))
