@@ -117,19 +117,32 @@ class FuseConfig:
 
 
 @dataclass(frozen=True)
+class IndexConfig:
+    """What finding a photo needs, made ready."""
+
+    beside_shared: int = 10  # keyframes with so many landmarks in common are beside each other
+    neighbours: int = 100  # nearest landmarks in space that a match leads to
+
+
+@dataclass(frozen=True)
 class LocateConfig:
     """Active search and the pose of a photo."""
 
     max_features: int = 3000
+    min_features: int = 30
     level_2d_3d: int = 4  # counted from the root = 0, clamped to the tree
     level_3d_2d: int = 2
-    ratio_2d_3d: float = 0.8
-    ratio_3d_2d: float = 0.7
-    neighbours: int = 200
-    enough_matches: int = 100
+    ratio_2d_3d: float = 0.75
+    ratio_3d_2d: float = 0.75
+    enough_matches: int = 100  # in one place; ends the search there
+    places: int = 4  # sets of landmarks seen together that are searched on
+    solver: str = "auto"  # p3p where the camera is known, else dlt; or one of the two always
+    pixel_sigma_px: float = 1.0  # of a keypoint; pixels are those of an image 640 wide
     ransac_threshold_px: float = 6.0
     ransac_iterations: int = 1000
     min_inliers: int = 12
+    min_evidence: float = 6.0  # nats for the pose against anywhere else
+    min_margin: float = 4.0  # nats for the pose against the next best
 
 
 @dataclass(frozen=True)
@@ -156,6 +169,7 @@ class Config:
     loops: LoopsConfig = field(default_factory=LoopsConfig)
     optimise: OptimiseConfig = field(default_factory=OptimiseConfig)
     fuse: FuseConfig = field(default_factory=FuseConfig)
+    index: IndexConfig = field(default_factory=IndexConfig)
     locate: LocateConfig = field(default_factory=LocateConfig)
     plan: PlanConfig = field(default_factory=PlanConfig)
 

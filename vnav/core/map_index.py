@@ -16,8 +16,9 @@ class MapIndex:
     ----------
     points_world, sigma_m
         (L, 3) and (L,) float32: the landmarks and their standard deviation.
-    descriptors, owner
-        (D, 128) uint8 and (D,) int32: one mean descriptor per landmark and word, and its landmark.
+    descriptors, half_norm, owner
+        (D, 128) uint8, (D,) float32, (D,) int32: one mean descriptor per landmark and word, half
+        its squared length, and its landmark.
     patch_world
         (D, 3) float32: from the landmark along its descriptor's orientation to the edge of the
         described patch, parallel to the image plane of the keyframes that saw it.
@@ -28,6 +29,9 @@ class MapIndex:
         ``seen_by[seen_start[l]:seen_start[l + 1]]``.
     sees_start, sees
         (K + 1,) and (M,) int32: the same the other way round, landmarks of a keyframe.
+    neighbours
+        (L, n) int32: the nearest landmarks in space that are seen together with a landmark,
+        itself first; rows that find fewer repeat the landmark.
     beside
         (K, K) bool: keyframes that look at the same part of the place; each is beside itself.
     T_world_keyframe, keyframe_covariance
@@ -40,6 +44,7 @@ class MapIndex:
     points_world: NDArray[np.float32]
     sigma_m: NDArray[np.float32]
     descriptors: NDArray[np.uint8]
+    half_norm: NDArray[np.float32]
     owner: NDArray[np.int32]
     patch_world: NDArray[np.float32]
     span: NDArray[np.int32]
@@ -47,6 +52,7 @@ class MapIndex:
     seen_by: NDArray[np.int32]
     sees_start: NDArray[np.int32]
     sees: NDArray[np.int32]
+    neighbours: NDArray[np.int32]
     beside: NDArray[np.bool_]
     T_world_keyframe: NDArray[np.float64]
     keyframe_covariance: NDArray[np.float64]
@@ -59,6 +65,7 @@ class MapIndex:
             "points_world": (np.float32, (landmarks, 3)),
             "sigma_m": (np.float32, (landmarks,)),
             "descriptors": (np.uint8, (descriptors, None)),
+            "half_norm": (np.float32, (descriptors,)),
             "owner": (np.int32, (descriptors,)),
             "patch_world": (np.float32, (descriptors, 3)),
             "span": (np.int32, (None, 2)),
@@ -66,6 +73,7 @@ class MapIndex:
             "seen_by": (np.int32, (seen,)),
             "sees_start": (np.int32, (keyframes + 1,)),
             "sees": (np.int32, (seen,)),
+            "neighbours": (np.int32, (landmarks, None)),
             "beside": (np.bool_, (keyframes, keyframes)),
             "T_world_keyframe": (np.float64, (keyframes, 4, 4)),
             "keyframe_covariance": (np.float64, (keyframes, 6, 6)),
@@ -111,3 +119,12 @@ def ranges(
     source = np.repeat(np.arange(len(count)), count)
     offset = np.arange(len(source)) - np.repeat(np.cumsum(count) - count, count)
     return source, begin[source] + offset
+
+
+def spans_of(paths: NDArray[np.int32], nodes: int) -> NDArray[np.int32]:
+    """Rows (nodes, 2), first and one past last, of sorted tree paths that pass each node."""
+    span = np.zeros((nodes, 2), np.int32)
+    for column in paths.T:
+        node, first, count = np.unique(column, return_index=True, return_counts=True)
+        span[node, 0], span[node, 1] = first, first + count
+    return span

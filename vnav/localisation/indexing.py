@@ -1,0 +1,163 @@
+"""From landmarks and keyframes to the index that finds photos."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vnav.config import IndexConfig
+from vnav.core.camera import Intrinsics
+from vnav.core.map_index import MapIndex, spans_of
+from vnav.core.mapping import Keyframe, Landmarks
+from vnav.core.tree import VocabularyTree
+from vnav.localisation.words import half_norms
+
+Array = NDArray[np.float64]
+
+SAMPLE = 2000  # descriptors that the map's own statistics are taken from
+APART_M = 0.10  # two landmarks nearer than this may be one and the same thing
+
+
+@dataclass(frozen=True)
+class MappedKeyframe:
+    """A keyframe in its place: pose (4, 4), covariance (6, 6) of its tangent, and camera."""
+
+    keyframe: Keyframe
+    T_world_camera: Array
+    covariance: Array
+    intrinsics: Intrinsics
+
+
+def build(
+    landmarks: Landmarks,
+    keyframes: Sequence[MappedKeyframe],
+    tree: VocabularyTree,
+    config: IndexConfig,
+    rng: np.random.Generator,
+) -> MapIndex:
+    """The index of a map; without landmarks it finds nothing, but is legal.
+
+    ``rng`` draws the sample for the map's own statistics.
+    """
+    descriptors, patches = _observed(landmarks, keyframes)
+    means, owner, patch_world = _means(landmarks.landmark, descriptors, patches, tree)
+    paths = tree.quantise(means)
+    order = np.lexsort(paths.T[::-1])
+    means, owner, patch_world = means[order], owner[order], patch_world[order]
+    beside = _beside(landmarks, len(keyframes), config.beside_shared)
+    by_keyframe = np.argsort(landmarks.keyframe, kind="stable")
+    return MapIndex(
+        points_world=landmarks.points_world,
+        sigma_m=landmarks.sigma_m,
+        descriptors=means,
+        half_norm=half_norms(means),
+        owner=owner,
+        patch_world=patch_world,
+        span=spans_of(paths[order], len(tree.level)),
+        seen_start=_starts(landmarks.landmark, len(landmarks)),
+        seen_by=landmarks.keyframe,
+        sees_start=_starts(landmarks.keyframe, len(keyframes)),
+        sees=landmarks.landmark[by_keyframe],
+        neighbours=_neighbours(landmarks, beside, config.neighbours),
+        beside=beside,
+        T_world_keyframe=np.array([k.T_world_camera for k in keyframes]).reshape(-1, 4, 4),
+        keyframe_covariance=np.array([k.covariance for k in keyframes]).reshape(-1, 6, 6),
+        stranger=_stranger(means, landmarks.points_world[owner], rng),
+    )
+
+
+def _observed(
+    landmarks: Landmarks, keyframes: Sequence[MappedKeyframe]
+) -> tuple[NDArray[np.uint8], Array]:
+    """Descriptors (M, 128) and patches (M, 3) in the world of every observation."""
+    descriptors = np.zeros((len(landmarks.landmark), 128), np.uint8)
+    patches = np.zeros((len(landmarks.landmark), 3))
+    for k, mapped in enumerate(keyframes):
+        rows = np.flatnonzero(landmarks.keyframe == k)
+        features = mapped.keyframe.features[landmarks.feature[rows].astype(np.intp)]
+        R, centre = mapped.T_world_camera[:3, :3], mapped.T_world_camera[:3, 3]
+        depth = (landmarks.points_world[landmarks.landmark[rows]] - centre) @ R[:, 2]
+        radius_m = features.scales_px / 2 * depth / mapped.intrinsics.fx
+        angle = features.angles_rad
+        axis = np.stack([np.cos(angle), np.sin(angle), np.zeros_like(angle)], 1)
+        descriptors[rows] = features.descriptors
+        patches[rows] = radius_m[:, None] * axis @ R.T
+    return descriptors, patches
+
+
+def _means(
+    landmark: NDArray[np.int32],
+    descriptors: NDArray[np.uint8],
+    patches: Array,
+    tree: VocabularyTree,
+) -> tuple[NDArray[np.uint8], NDArray[np.int32], NDArray[np.float32]]:
+    """One mean descriptor per landmark and word, its landmark, and its mean patch."""
+    if not len(landmark):
+        return descriptors, landmark, patches.astype(np.float32)
+    word = tree.quantise(descriptors)[:, -1]
+    order = np.lexsort((word, landmark))
+    landmark, word = landmark[order], word[order]
+    new = np.append(True, (np.diff(landmark) != 0) | (np.diff(word) != 0))
+    first = np.flatnonzero(new)
+    count = np.diff(np.append(first, len(order)))[:, None]
+    mean = np.add.reduceat(descriptors[order].astype(np.float32), first) / count
+    patch = np.add.reduceat(patches[order], first) / count
+    return np.rint(mean).astype(np.uint8), landmark[first], patch.astype(np.float32)
+
+
+def _starts(group: NDArray[np.int32], groups: int) -> NDArray[np.int32]:
+    return np.append(0, np.cumsum(np.bincount(group, minlength=groups))).astype(np.int32)
+
+
+def _beside(landmarks: Landmarks, keyframes: int, shared: int) -> NDArray[np.bool_]:
+    """Pairs of keyframes that have enough landmarks in common."""
+    from scipy.sparse import csr_matrix
+
+    ones = np.ones(len(landmarks.landmark), np.int32)
+    shape = len(landmarks), keyframes
+    sees = csr_matrix((ones, (landmarks.landmark, landmarks.keyframe)), shape)
+    return np.asarray((sees.T @ sees).toarray() >= shared) | np.eye(keyframes, dtype=bool)
+
+
+def _neighbours(
+    landmarks: Landmarks, beside: NDArray[np.bool_], count: int
+) -> NDArray[np.int32]:
+    """The nearest landmarks (L, count) in space among those seen from keyframes beside one's own.
+
+    Claim 4, 2.6; each landmark stands for the first keyframe that saw it.
+    """
+    from scipy.spatial import cKDTree
+
+    itself = np.arange(len(landmarks))
+    found = np.tile(itself[:, None], (1, count))
+    if not len(landmarks):
+        return found.astype(np.int32)
+    first = np.unique(landmarks.landmark, return_index=True)[1]
+    home = landmarks.keyframe[first]
+    points = landmarks.points_world.astype(float)
+    _, near = cKDTree(points).query(points, min(2 * count, len(points)))
+    near = near.reshape(len(points), -1)
+    together = beside[home[:, None], home[near]]
+    place = np.cumsum(together, 1) - 1
+    row, column = np.nonzero(together & (place < count))
+    found[row, place[row, column]] = near[row, column]
+    return found.astype(np.int32)
+
+
+def _stranger(
+    descriptors: NDArray[np.uint8], points: NDArray[np.float32], rng: np.random.Generator
+) -> NDArray[np.float32]:
+    """Upper quartile (1,) of the distances to the nearest descriptor elsewhere in the map."""
+    count = min(SAMPLE, len(descriptors))
+    sample = np.sort(rng.choice(len(descriptors), count, replace=False)) if count else np.arange(0)
+    values, half_norm = descriptors.astype(np.float32), half_norms(descriptors)
+    nearest = [np.zeros(0, np.float32)]
+    for part in np.array_split(sample, 1 + count // 100):
+        half = half_norm[part, None] + half_norm - values[part] @ values.T
+        near = [np.abs(points[part, None, k] - points[:, k]) < APART_M for k in range(3)]
+        half[np.logical_and.reduce(near)] = np.inf
+        nearest.append(np.sqrt(2 * half.min(1, initial=np.inf)))
+    found = np.concatenate(nearest)
+    found = found[np.isfinite(found)]
+    return np.quantile(found if len(found) else [0.0], 0.75, keepdims=True)

@@ -1,0 +1,178 @@
+"""Finding a photo in a map: search, pose, and the verdict (claim 4)."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vnav.config import LocateConfig
+from vnav.core import se3
+from vnav.core.frame import Rejected
+from vnav.localisation.atlas import Atlas
+from vnav.localisation.evidence import evidence
+from vnav.localisation.guided import hits, keyframes_around, matched, predict
+from vnav.localisation.matches import Matches
+from vnav.localisation.photo import Photo
+from vnav.localisation.places import Place, places
+from vnav.localisation.ransac import Consensus, consensus
+from vnav.localisation.refine import Sightings, refine
+from vnav.localisation.search import completed, seeds
+from vnav.localisation.view import View
+
+Array = NDArray[np.float64]
+
+LEAST = 4  # matches that a pose can be tried with
+ATTEMPTS = 2  # poses sought in one place: repeated things in one view give several
+RIVAL_SHARE = 0.2  # of the best consensus; a smaller one is not verified
+GUIDED_RADII = (2.0, 1.0)  # of the reprojection threshold
+SAME_PLACE_M, SAME_PLACE_RAD = 0.25, np.deg2rad(10.0)
+
+
+@dataclass(frozen=True)
+class Hypothesis:
+    """A pose that may be right: what agrees with it, and how strongly (see `evidence`).
+
+    ``covariance`` (6, 6), or (7, 7) with the log focal length, of ``T_world_camera``'s tangent.
+    """
+
+    view: View
+    covariance: Array
+    matches: Matches
+    predicted: int
+    evidence: float
+
+    @property
+    def inliers(self) -> int:
+        """Number of matches that agree."""
+        return len(self.matches)
+
+
+@dataclass(frozen=True)
+class Located:
+    """The answer, the other hypotheses, and how many matches the search had found."""
+
+    best: Hypothesis
+    rivals: tuple[Hypothesis, ...]
+    matches: int
+
+
+def localise(
+    photo: Photo, atlas: Atlas, config: LocateConfig, rng: np.random.Generator
+) -> Located | Rejected:
+    """Where the photo was taken, or why that cannot be said; never a guess."""
+    if len(photo.features) < config.min_features:
+        return Rejected("too few features")
+    found = seeds(photo, atlas, config)
+    candidates = places(found, atlas.index, config.places, LEAST)
+    if not candidates:
+        return Rejected("too few matches", len(found))
+    hypotheses = _hypotheses(candidates, photo, atlas, config, rng)
+    return _verdict(hypotheses, len(found), config)
+
+
+def _hypotheses(
+    candidates: list[Place],
+    photo: Photo,
+    atlas: Atlas,
+    config: LocateConfig,
+    rng: np.random.Generator,
+) -> list[Hypothesis]:
+    """The verified poses of all places, the strongest first."""
+    tried: list[tuple[Consensus, Matches]] = []
+    for place in candidates:
+        matches = completed(place.matches, photo, atlas, config)
+        for _ in range(ATTEMPTS):
+            matches = _unexplained(matches, photo, atlas, [c.view for c, _ in tried], config)
+            if len(matches) < LEAST:
+                break
+            agreed = _consensus(matches, photo, atlas, config, rng)
+            if agreed is None or agreed.inliers.sum() < LEAST:
+                break
+            tried.append((agreed, matches[agreed.inliers]))
+    tried.sort(key=lambda t: -len(t[1]))
+    verified = [
+        _verified(agreed.view, matches, photo, atlas, config)
+        for agreed, matches in tried
+        if len(matches) >= RIVAL_SHARE * len(tried[0][1])
+    ]
+    return sorted((h for h in verified if h is not None), key=lambda h: -h.evidence)
+
+
+def _consensus(
+    matches: Matches, photo: Photo, atlas: Atlas, config: LocateConfig, rng: np.random.Generator
+) -> Consensus | None:
+    guess = View(np.eye(4), photo.intrinsics)
+    seen = _sightings(matches, guess, photo, atlas, config)
+    threshold = config.ransac_threshold_px * photo.pixel
+    return consensus(photo.intrinsics, photo.known, seen, threshold, config, rng)
+
+
+def _unexplained(
+    matches: Matches, photo: Photo, atlas: Atlas, views: list[View], config: LocateConfig
+) -> Matches:
+    """The matches that no view so far agrees with."""
+    points, px = _seen(matches, photo, atlas)
+    threshold = config.ransac_threshold_px * photo.pixel
+    left = np.ones(len(matches), bool)
+    for view in views:
+        left &= view.squared_errors(points, px) >= threshold**2
+    return matches[left]
+
+
+def _verified(
+    view: View, matches: Matches, photo: Photo, atlas: Atlas, config: LocateConfig
+) -> Hypothesis | None:
+    """The pose after guided matching of what the map predicts, None where that finds too little."""
+    keyframes = keyframes_around(view, matches.landmark, atlas.index)
+    for radius in GUIDED_RADII:
+        prediction = predict(view, atlas, keyframes)
+        found = hits(prediction, photo, atlas, radius * config.ransac_threshold_px * photo.pixel)
+        matches = matched(found, prediction, atlas)
+        if len(matches) < config.min_inliers:
+            return None
+        refined = refine(view, _sightings(matches, view, photo, atlas, config), not photo.known)
+        view = refined.view
+    likelihood = evidence(prediction, found, view.intrinsics.size)
+    points, px = _seen(matches, photo, atlas)
+    threshold = config.ransac_threshold_px * photo.pixel
+    matches = matches[view.squared_errors(points, px) < threshold**2]
+    return Hypothesis(view, refined.covariance, matches, len(prediction), likelihood)
+
+
+def _verdict(
+    hypotheses: list[Hypothesis], matches: int, config: LocateConfig
+) -> Located | Rejected:
+    """The strongest hypothesis, if it is strong enough and no other place comes near it."""
+    good = [h for h in hypotheses if h.inliers >= config.min_inliers]
+    if not good or good[0].evidence < config.min_evidence:
+        inliers = max((h.inliers for h in hypotheses), default=0)
+        return Rejected("no consistent pose", matches, inliers)
+    best = good[0]
+    rivals = tuple(h for h in good[1:] if not _same_place(h.view, best.view))
+    if rivals and best.evidence - rivals[0].evidence < config.min_margin:
+        return Rejected("ambiguous", matches, best.inliers)
+    return Located(best, rivals, matches)
+
+
+def _same_place(a: View, b: View) -> bool:
+    T = se3.inverse(a.T_world_camera) @ b.T_world_camera
+    near = np.linalg.norm(T[:3, 3]) < SAME_PLACE_M
+    return bool(near and se3.rotation_angle(T) < SAME_PLACE_RAD)
+
+
+def _seen(
+    matches: Matches, photo: Photo, atlas: Atlas
+) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    points = atlas.index.points_world[matches.landmark]
+    return points, photo.features.keypoints_px[matches.feature]
+
+
+def _sightings(
+    matches: Matches, view: View, photo: Photo, atlas: Atlas, config: LocateConfig
+) -> Sightings:
+    """The matches with the variance of keypoint and projected landmark."""
+    points, px = _seen(matches, photo, atlas)
+    depth = np.maximum(view.project(points)[1], 0.1)
+    landmark_px = view.intrinsics.fx * atlas.index.sigma_m[matches.landmark] / depth
+    keypoint_px = config.pixel_sigma_px * photo.pixel
+    return Sightings(points, px, keypoint_px**2 + landmark_px**2)

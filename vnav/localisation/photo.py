@@ -1,0 +1,90 @@
+"""A photo's features, in the order of the vocabulary tree and in image buckets."""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from vnav.core.camera import Intrinsics
+from vnav.core.frame import Features
+from vnav.core.map_index import ranges, spans_of
+from vnav.core.tree import VocabularyTree
+from vnav.localisation.words import Database, half_norms
+
+Rows = NDArray[np.intp]
+
+SAME_KEYPOINT_PX = 2.0  # a keypoint's second orientation lies nearer than this
+
+
+@dataclass(frozen=True)
+class Photo:
+    """Features sorted along the tree, their ``paths`` (N, levels + 1) and each node's rows.
+
+    ``intrinsics``: of the image the features were found in, without distortion; where ``known``
+    is false, the focal length is a first guess.
+    """
+
+    features: Features
+    paths: NDArray[np.int32]
+    span: NDArray[np.int32]
+    intrinsics: Intrinsics
+    known: bool
+
+    @cached_property
+    def database(self) -> Database:
+        """The features as what landmarks are searched in."""
+        descriptors = self.features.descriptors
+        position = self.features.keypoints_px
+        return Database(descriptors, half_norms(descriptors), position, SAME_KEYPOINT_PX)
+
+    @property
+    def pixel(self) -> float:
+        """A pixel of an image 640 wide, in pixels of this one: what thresholds are scaled by."""
+        return max(self.intrinsics.size) / 640
+
+    def near(self, px: NDArray[np.float64], radius_px: float) -> tuple[Rows, Rows]:
+        """Pairs: row of ``px`` (P, 2) and feature within the radius of it."""
+        edge = max(radius_px, 1.0)
+        columns = int(self.intrinsics.width / edge) + 4
+        cell = np.floor(self.features.keypoints_px / edge).astype(np.intp) + 1
+        flat = cell[:, 1] * columns + cell[:, 0]
+        order = np.argsort(flat, kind="stable")
+        flat = flat[order]
+        centre = np.floor(px / edge).astype(np.intp) + 1
+        pairs = []
+        for below in (-1, 0, 1):
+            first = (centre[:, 1] + below) * columns + centre[:, 0] - 1
+            begin, end = np.searchsorted(flat, first), np.searchsorted(flat, first + 3)
+            pairs.append(ranges(begin, end))
+        source = np.concatenate([p[0] for p in pairs])
+        feature = order[np.concatenate([p[1] for p in pairs])]
+        offset = self.features.keypoints_px[feature] - px[source]
+        close = (offset**2).sum(1) < radius_px**2
+        return source[close], feature[close]
+
+
+def prepare(
+    features: Features, intrinsics: Intrinsics, known: bool, tree: VocabularyTree
+) -> Photo:
+    """Undistort, quantise and sort a photo's features (claim 4, 2.2)."""
+    features, intrinsics = _undistorted(features, intrinsics)
+    paths = tree.quantise(features.descriptors)
+    order = np.lexsort(paths.T[::-1])
+    paths = paths[order]
+    span = spans_of(paths, len(tree.level))
+    return Photo(features[order], paths, span, intrinsics, known)
+
+
+def _undistorted(features: Features, intrinsics: Intrinsics) -> tuple[Features, Intrinsics]:
+    if not any(intrinsics.distortion) or not len(features):
+        return features, intrinsics
+    import dataclasses
+
+    K = intrinsics.K
+    px = cv2.undistortPoints(
+        features.keypoints_px[:, None], K, np.array(intrinsics.distortion), P=K
+    )
+    straight = dataclasses.replace(intrinsics, distortion=())
+    return dataclasses.replace(features, keypoints_px=px[:, 0]), straight

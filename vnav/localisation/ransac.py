@@ -1,0 +1,141 @@
+"""A pose that many matches agree with, from random minimal sets.
+
+Source: Fischler, Bolles 1981; scored as by Torr, Zisserman 2000; refined on the inliers of the
+best as by Chum, Matas, Kittler 2003; claim 4, 2.10.
+"""
+
+import dataclasses
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vnav.config import LocateConfig
+from vnav.core.camera import Intrinsics
+from vnav.localisation.dlt import dlt, focal_of, poses_of
+from vnav.localisation.p3p import p3p
+from vnav.localisation.refine import Sightings, refine
+from vnav.localisation.view import View
+
+Array = NDArray[np.float64]
+
+BATCH = 64  # minimal sets solved at once
+CONFIDENCE = 0.999  # that one set of inliers alone was drawn
+LOCAL_ROUNDS = 2  # refinements on the inliers of the best hypothesis
+FOCAL_LADDER = np.geomspace(0.5, 2.0, 7)  # of the first guess, where the focal length is unknown
+
+
+@dataclass(frozen=True)
+class Consensus:
+    """A view, and which of the matches (M,) agree with it."""
+
+    view: View
+    inliers: NDArray[np.bool_]
+
+
+def consensus(
+    guess: Intrinsics,
+    known: bool,
+    seen: Sightings,
+    threshold_px: float,
+    config: LocateConfig,
+    rng: np.random.Generator,
+) -> Consensus | None:
+    """The view that most sightings, the best of them first, agree with; None below four."""
+    best: View | None = None
+    best_score, drawn, needed = np.inf, 0, config.ransac_iterations
+    while drawn < needed and len(seen.px) >= 4:
+        poses, focal = _hypotheses(guess, known, seen, config.solver, rng)
+        drawn += BATCH
+        if not len(poses):
+            continue
+        errors = _errors(poses, focal, guess, seen) / threshold_px**2
+        score = np.minimum(errors, 1).sum(1)
+        k = int(score.argmin())
+        if score[k] < best_score:
+            best, best_score = _view(poses[k], focal[k], guess), score[k]
+            size = 3 if known and config.solver != "dlt" else 6
+            needed = min(config.ransac_iterations, _draws((errors[k] < 1).mean(), size))
+    if best is None:
+        return None
+    return _locally_optimised(best, known, seen, threshold_px)
+
+
+def _draws(inlier_share: float, size: int) -> int:
+    """How many minimal sets make one without an outlier likely."""
+    clean = np.clip(inlier_share**size, 1e-9, 1 - 1e-9)
+    return int(np.ceil(np.log(1 - CONFIDENCE) / np.log(1 - clean)))
+
+
+def _locally_optimised(view: View, known: bool, seen: Sightings, threshold_px: float) -> Consensus:
+    for _ in range(LOCAL_ROUNDS):
+        inliers = view.squared_errors(seen.points_world, seen.px) < threshold_px**2
+        if inliers.sum() < (3 if known else 4):
+            break
+        view = refine(view, seen[inliers], not known).view
+    return Consensus(view, view.squared_errors(seen.points_world, seen.px) < threshold_px**2)
+
+
+def _hypotheses(
+    guess: Intrinsics, known: bool, seen: Sightings, solver: str, rng: np.random.Generator
+) -> tuple[Array, Array]:
+    """Poses (H, 3, 4) ``T_camera_world`` of one batch of sets, and focal lengths (H,) as factors.
+
+    The factor is of the guess, 1 where the camera is known. Points too few for the direct linear
+    transform, or in one plane, leave it to three points.
+    """
+    points, px = seen.points_world.astype(float), seen.px.astype(float)
+    poses, focal = np.zeros((0, 3, 4)), np.zeros(0)
+    if len(px) >= 6 and (solver == "dlt" or not known):
+        rows = _minimal_sets(len(px), 6, rng)
+        poses, focal = _by_dlt(guess, known, points[rows], px[rows])
+    if len(poses) and known:
+        return poses, focal
+    rows = _minimal_sets(len(px), 3, rng)
+    ladder = np.ones(1) if known else FOCAL_LADDER
+    more = [_by_three(guess, factor, points[rows], px[rows]) for factor in ladder]
+    return np.concatenate([poses, *more]), np.concatenate(
+        [focal, *(np.full(len(m), f) for m, f in zip(more, ladder, strict=True))]
+    )
+
+
+def _by_three(guess: Intrinsics, factor: float, points: Array, px: Array) -> Array:
+    rays = np.concatenate([_centred(guess, px) / factor, np.ones((*px.shape[:2], 1))], 2)
+    return p3p(rays / np.linalg.norm(rays, axis=2, keepdims=True), points)
+
+
+def _by_dlt(guess: Intrinsics, known: bool, points: Array, px: Array) -> tuple[Array, Array]:
+    """By the direct linear transform: projected onto the intrinsics, or with its own focal."""
+    with np.errstate(all="ignore"):
+        P = dlt(_centred(guess, px), points)
+        focal = np.ones(len(P)) if known else focal_of(P)
+        P = P / np.stack([focal, focal, np.ones(len(P))], 1)[:, :, None]
+        poses = poses_of(P)
+    good = np.isfinite(poses).all((1, 2)) & (focal > FOCAL_LADDER[0] / 2) & (focal < 4)
+    return poses[good], focal[good]
+
+
+def _centred(k: Intrinsics, px: Array) -> Array:
+    """Pixels (..., 2) as coordinates on the plane at depth 1."""
+    return (px - [k.cx, k.cy]) / [k.fx, k.fy]
+
+
+def _minimal_sets(count: int, size: int, rng: np.random.Generator) -> NDArray[np.intp]:
+    """Rows (BATCH, size), none twice in a set; of better (earlier) matches more often."""
+    weight = np.linspace(1.0, 0.25, count)
+    keys = rng.exponential(size=(BATCH, count)) / weight
+    return np.argpartition(keys, size - 1, 1)[:, :size]
+
+
+def _errors(poses: Array, focal: Array, k: Intrinsics, seen: Sightings) -> Array:
+    """Squared reprojection errors (H, M) in pixels, inf behind the camera."""
+    p = poses[:, :, :3] @ seen.points_world.T.astype(float) + poses[:, :, 3:]
+    z = np.where(p[:, 2] > 1e-3, p[:, 2], np.nan)
+    u = k.fx * focal[:, None] * p[:, 0] / z + k.cx - seen.px[:, 0]
+    v = k.fy * focal[:, None] * p[:, 1] / z + k.cy - seen.px[:, 1]
+    return np.nan_to_num(u * u + v * v, nan=np.inf)
+
+
+def _view(pose: Array, focal: float, k: Intrinsics) -> View:
+    T = np.vstack([pose, [0, 0, 0, 1]])
+    return View(T, dataclasses.replace(k, fx=k.fx * focal, fy=k.fy * focal))

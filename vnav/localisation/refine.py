@@ -1,0 +1,99 @@
+"""Non-linear refinement of a camera's pose, and of its focal length where that is unknown."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vnav.core import se3
+from vnav.localisation.view import MIN_DEPTH_M, View
+
+Array = NDArray[np.float64]
+
+MAX_ITERATIONS = 15
+HUBER_SIGMAS = 1.5
+CONVERGED = 1e-4  # relative gain of a step
+
+
+@dataclass(frozen=True)
+class Sightings:
+    """Points (N, 3) of the map, the pixels (N, 2) they are seen at, and the variance (N,) of both.
+
+    ``variance_px2`` adds the keypoint's noise and the projected noise of the landmark.
+    """
+
+    points_world: NDArray[np.float32]
+    px: NDArray[np.float32]
+    variance_px2: Array
+
+    def __getitem__(self, chosen: NDArray[np.bool_]) -> "Sightings":
+        """The chosen rows."""
+        return Sightings(self.points_world[chosen], self.px[chosen], self.variance_px2[chosen])
+
+
+@dataclass(frozen=True)
+class Refined:
+    """A view and the covariance of its parameters, (6, 6), or (7, 7) with the log focal length.
+
+    Tangent of ``T_world_camera``, rotation first.
+    """
+
+    view: View
+    covariance: Array
+
+
+def refine(view: View, seen: Sightings, with_focal: bool) -> Refined:
+    """The most likely view near the given one, robustly (claim 4, 2.10).
+
+    Levenberg-Marquardt on the reprojection errors under Huber's kernel. The covariance is the
+    inverse information, widened where the residuals are larger than their variances say.
+    """
+    damping = 1e-4
+    J, r = _linearised(view, seen, with_focal)
+    cost = _huber(r)
+    for _ in range(MAX_ITERATIONS):
+        H, g = _normal(J, r)
+        trial = view.moved(-np.linalg.solve(H + damping * np.diag(H.diagonal() + 1e-12), g))
+        J_trial, r_trial = _linearised(trial, seen, with_focal)
+        gain = cost - _huber(r_trial)
+        if gain < 0:
+            damping *= 10
+            continue
+        view, J, r, damping = trial, J_trial, r_trial, damping / 10
+        cost -= gain
+        if gain < CONVERGED * cost:
+            break
+    H, _ = _normal(J, r)
+    spread = max(1.0, cost / max(1, 2 * len(seen.px) - len(H)))
+    return Refined(view, np.linalg.pinv(H, hermitian=True) * spread)
+
+
+def _linearised(view: View, seen: Sightings, with_focal: bool) -> tuple[Array, Array]:
+    """Residuals (N, 2) over their standard deviation, and their Jacobian (N, 2, 6 or 7)."""
+    k = view.intrinsics
+    p = se3.transform(view.T_camera_world, seen.points_world)
+    z = np.maximum(p[:, 2], MIN_DEPTH_M)
+    u, v = k.fx * p[:, 0] / z, k.fy * p[:, 1] / z
+    r = np.stack([u + k.cx - seen.px[:, 0], v + k.cy - seen.px[:, 1]], 1)
+    to_px = np.zeros((len(p), 2, 3))
+    to_px[:, 0, 0], to_px[:, 0, 2] = k.fx / z, -u / z
+    to_px[:, 1, 1], to_px[:, 1, 2] = k.fy / z, -v / z
+    # T_world_camera @ exp(xi) moves a point in the camera by hat(p) @ rotation - translation.
+    blocks = [to_px @ se3.hat(p), -to_px]
+    if with_focal:
+        blocks.append(np.stack([u, v], 1)[..., None])
+    weight = 1 / np.sqrt(seen.variance_px2)
+    return np.concatenate(blocks, 2) * weight[:, None, None], r * weight[:, None]
+
+
+def _normal(J: Array, r: Array) -> tuple[Array, Array]:
+    """Information matrix and gradient, each point weighted by Huber's kernel."""
+    weight = HUBER_SIGMAS / np.maximum(np.linalg.norm(r, axis=1), HUBER_SIGMAS)
+    weighted = (J * weight[:, None, None]).reshape(-1, J.shape[2])
+    return weighted.T @ J.reshape(-1, J.shape[2]), weighted.T @ r.reshape(-1)
+
+
+def _huber(r: Array) -> float:
+    size = np.linalg.norm(r, axis=1)
+    far = HUBER_SIGMAS * (2 * size - HUBER_SIGMAS)
+    return float(np.where(size > HUBER_SIGMAS, far, size**2).sum())
