@@ -99,7 +99,7 @@ class OptimiseConfig:
     max_closure_sigmas: float = 4.0  # a closure farther off after the optimisation is wrong
     bundle_rounds: int = 3  # each ends with the removal of outlying observations
     bundle_iterations: int = 10  # per round
-    weak_observations: int = 30  # a keyframe with fewer is also held by its odometry
+    weak_landmarks: int = 30  # joined keyframes that share fewer are also held by the pose graph
 
 
 @dataclass(frozen=True)

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse import csr_array
 
 from vnav.bundle import Bundle, Observations, SensorModel, adjust, covariances
 from vnav.config import OptimiseConfig
@@ -64,14 +65,14 @@ class Adjusted:
 def adjust_landmarks(
     T_world_camera: Array,
     tracks: Tracks,
-    neighbours: Sequence[tuple[int, int]],
+    joined: Sequence[tuple[int, int]],
     model: SensorModel,
     config: OptimiseConfig,
 ) -> Adjusted:
     """Bundle adjustment in rounds, each after dropping the observations that stand out.
 
-    ``neighbours``: pairs of keyframes that odometry joined; their motion from the given poses
-    holds a keyframe that sees too few landmarks.
+    ``joined``: pairs of keyframes that odometry or a closure joined; where they share too few
+    landmarks, the motion of the given poses holds them.
     """
     rows = np.flatnonzero(np.isfinite(T_world_camera[:, 0, 0])[tracks.seen.camera])
     points = tracks.lifted(T_world_camera, rows)
@@ -81,14 +82,14 @@ def adjust_landmarks(
     for k in range(config.bundle_rounds):
         rows = _inliers(bundle, tracks, rows, model, FIRST_SLACK if k == 0 else 1.0)
         shared = _shared(tracks.seen, rows)
-        held = _weak_edges(T_world_camera, neighbours, tracks.seen.camera[shared], config)
+        held = _weak_edges(T_world_camera, joined, tracks.seen[shared], config)
         rms.append(model.rms_px(bundle, tracks.seen[shared]))
         bundle = adjust(bundle, tracks.seen[shared], held, model, config.bundle_iterations)
         bundle = _lift_alone(bundle, tracks, rows, shared)
     rows = _inliers(bundle, tracks, rows, model, 1.0)
     shared = _shared(tracks.seen, rows)
     rms.append(model.rms_px(bundle, tracks.seen[shared]))
-    held = _weak_edges(T_world_camera, neighbours, tracks.seen.camera[shared], config)
+    held = _weak_edges(T_world_camera, joined, tracks.seen[shared], config)
     covariance = covariances(bundle, tracks.seen[shared], held, model)
     landmarks = _landmarks(bundle, tracks, rows, model)
     return Adjusted(bundle.T_world_camera, covariance, landmarks, len(shared), rms[0], rms[-1])
@@ -109,17 +110,22 @@ def _shared(seen: Observations, rows: Rows) -> Rows:
 
 def _weak_edges(
     T_world_camera: Array,
-    neighbours: Sequence[tuple[int, int]],
-    camera: NDArray[np.int32],
+    joined: Sequence[tuple[int, int]],
+    seen: Observations,
     config: OptimiseConfig,
 ) -> list[Edge]:
-    """The given motion between neighbours one of which sees too few landmarks."""
-    seen = np.bincount(camera, minlength=len(T_world_camera))
+    """The given motion between joined keyframes that share too few landmarks to hold each other.
+
+    With these, whatever the pose graph joins stays joined.
+    """
     information = np.diag(HELD_SIGMAS**-2.0)
+    shape = len(T_world_camera), int(seen.landmark.max(initial=-1)) + 1
+    sees = csr_array((np.ones(len(seen)), (seen.camera, seen.landmark)), shape=shape)
+    common = (sees @ sees.T).toarray()
     return [
         Edge(i, j, se3.inverse(T_world_camera[i]) @ T_world_camera[j], information)
-        for i, j in neighbours
-        if min(seen[i], seen[j]) < config.weak_observations
+        for i, j in joined
+        if common[i, j] < config.weak_landmarks
     ]
 
 

@@ -115,8 +115,10 @@ def _adjust(
     tracks = Tracks(odometry.keyframes, matches[np.array(of_kept, bool)])
     model = SensorModel([cameras[odometry.frames.capture[r]] for r in rows], config.registration)
     segment = odometry.segment[rows]
-    neighbours = [(k, k + 1) for k in range(len(rows) - 1) if segment[k] == segment[k + 1]]
-    return adjust_landmarks(poses[rows], tracks, neighbours, model, config.optimise)
+    known = np.isfinite(poses[rows, 0, 0])
+    neighbours = {(k, k + 1) for k in range(len(rows) - 1) if segment[k] == segment[k + 1]}
+    joined = [(i, j) for i, j in sorted(neighbours | kept) if known[i] and known[j]]
+    return adjust_landmarks(poses[rows], tracks, joined, model, config.optimise)
 
 
 def _moved_along(poses: Array, adjusted: Array, rows: NDArray[np.intp]) -> Array:
