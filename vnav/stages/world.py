@@ -11,13 +11,15 @@ from vnav.core.camera import Intrinsics
 from vnav.core.mapping import World
 
 Array = NDArray[np.float64]
-STEP_PX = 8  # between sampled pixels; normals reach as far
+COLUMNS = 80  # of sampled pixels in an image; normals reach from one to the next
 VOXEL_M = 0.05  # of the surface, so that support is area and not time spent looking
 BAND_M = 0.04  # half the thickness of what counts as one plane
 BELOW_M = 0.15  # what lies deeper than this lies under the plane
 MAX_BELOW = 0.02  # share of the surface that may lie under a floor: reflections, noise
 MIN_SUPPORT = 0.02  # share of the surface that must lie on it
 HEIGHTS_M = (0.15, 3.0)  # of the cameras above a floor
+STEADY = 0.7  # length of the mean of a floor's normals in all cameras; a wall's turns about
+UPRIGHT = 0.25  # of it across the optical axis: the cameras do not look straight down
 HYPOTHESES = 500
 COS_SAME = float(np.cos(np.deg2rad(15)))
 
@@ -71,8 +73,9 @@ def _in_view(
     depth_m: NDArray[np.float32], camera: Intrinsics, T_any_camera: Array, max_depth_m: float
 ) -> Array:
     """Points and normals (N, 6) of one depth image, where it is smooth."""
-    z = depth_m[::STEP_PX, ::STEP_PX].astype(float)
-    v, u = np.mgrid[: z.shape[0], : z.shape[1]] * float(STEP_PX)
+    step = max(1, camera.width // COLUMNS)
+    z = depth_m[::step, ::step].astype(float)
+    v, u = np.mgrid[: z.shape[0], : z.shape[1]] * float(step)
     points = camera.unproject(np.stack([u, v], -1), z)
     right, down = points[1:-1, 2:] - points[1:-1, :-2], points[2:, 1:-1] - points[:-2, 1:-1]
     middle = points[1:-1, 1:-1]
@@ -135,7 +138,9 @@ def _floor_score(surface: Surface, up: Array, point: Array, T_any_camera: Array)
         return 0.0
     in_camera = (np.swapaxes(T_any_camera[:, :3, :3], 1, 2) @ up).mean(0)
     steady = float(np.hypot(in_camera[0], in_camera[1]))
-    upwards = (1 - in_camera[1] / max(steady, 1e-9)) / 2
+    if np.linalg.norm(in_camera) < STEADY or steady < UPRIGHT:
+        return 0.0
+    upwards = (1 - in_camera[1] / steady) / 2
     return float(support * steady**4 * upwards)
 
 
