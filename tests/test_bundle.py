@@ -245,6 +245,15 @@ def test_one_pixel_alone_fixes_no_point() -> None:
     assert np.isinf(MODEL.point_sigmas(truth, blind)).all()
 
 
+def test_without_observations_nothing_moves_and_nothing_is_known() -> None:
+    truth = scene(np.random.default_rng(15))
+    none = measured(truth, np.random.default_rng(15))[np.zeros(0, np.intp)]
+    found = adjust(truth, none, [], MODEL, ITERATIONS)
+    np.testing.assert_array_equal(found.T_world_camera, truth.T_world_camera)
+    np.testing.assert_array_equal(found.points_world, truth.points_world)
+    assert np.isnan(covariances(truth, none, [], MODEL)).all()
+
+
 def test_no_observations_have_no_error() -> None:
     truth = scene(np.random.default_rng(14))
     none = measured(truth, np.random.default_rng(14))[np.zeros(0, np.intp)]

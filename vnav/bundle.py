@@ -118,8 +118,11 @@ def adjust(
 
     A stereo factor with a virtual baseline gives depth noise that grows with depth squared;
     observations without depth are plain projections. ``edges`` hold cameras that see little.
-    Levenberg-Marquardt with a Huber kernel; deterministic.
+    Levenberg-Marquardt with a Huber kernel; deterministic. Without observations and edges nothing
+    moves.
     """
+    if not len(_cameras(seen, edges)):
+        return initial
     graph, values = _problem(initial, seen, edges, model)
     params = gtsam.LevenbergMarquardtParams()
     params.setMaxIterations(iterations)
@@ -140,10 +143,12 @@ def covariances(
 
     Relative to the first camera, which is held.
     """
-    graph, values = _problem(bundle, seen, edges, model)
-    marginals = gtsam.Marginals(graph, values)
     result = np.full((len(bundle.T_world_camera), 6, 6), np.nan)
-    for k in _cameras(seen, edges):
+    cameras = _cameras(seen, edges)
+    if not len(cameras):
+        return result
+    marginals = gtsam.Marginals(*_problem(bundle, seen, edges, model))
+    for k in cameras:
         result[k] = marginals.marginalCovariance(_pose(k))
     return result
 

@@ -177,16 +177,21 @@ def _report(solved: Solved, result: OptimisedMap, odometry: Odometry) -> Report:
         "graph_error_after": solved.graph.error_after,
         "landmarks": len(adjusted.landmarks),
         "observations": adjusted.observations,
-        "rms_px_before": adjusted.rms_px_before,
-        "rms_px_after": adjusted.rms_px_after,
+        "rms_px_before": adjusted.rms_px_before if adjusted.observations else None,
+        "rms_px_after": adjusted.rms_px_after if adjusted.observations else None,
         "world": result.world.source,
         "floor_points": result.world.floor_points,
     }
+    landmarks = f"{len(adjusted.landmarks)} landmarks"
+    if adjusted.observations:
+        landmarks += (
+            f"; reprojection {adjusted.rms_px_before:.2f} px before,"
+            f" {adjusted.rms_px_after:.2f} px after bundle adjustment"
+        )
     lines = (
         f"{posed} of {len(odometry.frames)} frames have a pose; {kept} closures kept,"
         f" {len(solved.graph.kept) - kept} rejected",
-        f"{len(adjusted.landmarks)} landmarks; reprojection {adjusted.rms_px_before:.2f} px before,"
-        f" {adjusted.rms_px_after:.2f} px after bundle adjustment",
+        landmarks,
     )
     warnings = []
     if solved.parts > 1:
