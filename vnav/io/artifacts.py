@@ -106,15 +106,24 @@ def save_loops(
     matches: NDArray[np.int32],
 ) -> None:
     """Write every verdict, the accepted edges, and the matches (M, 4) that hold them."""
-    write_text(draft / "verdicts.json", to_json([vars(v) for v in verdicts]))
+    save_verdicts(draft, verdicts)
     _save(draft / "edges.npz", **edges_to_arrays(edges))
     _save(draft / "matches.npz", matches=matches)
 
 
-def load_loops(folder: MapFolder) -> tuple[LoopVerdict, ...]:
-    """Every loop candidate and what became of it."""
-    verdicts = _load_json(folder.stage("loops") / "verdicts.json")
-    return tuple(LoopVerdict(**verdict) for verdict in verdicts)
+def save_verdicts(draft: Path, verdicts: Iterable[LoopVerdict]) -> None:
+    """Write what became of every loop candidate."""
+    write_text(draft / "verdicts.json", to_json([vars(v) for v in verdicts]))
+
+
+def load_loops(folder: MapFolder, stage: str | None = None) -> tuple[LoopVerdict, ...]:
+    """Every loop candidate and what became of it, by the last stage that judged it.
+
+    "loops" judges by matches, "optimise" by the pose graph as well.
+    """
+    stage = stage or ("optimise" if folder.has("optimise") else "loops")
+    text = (folder.stage(stage) / "verdicts.json").read_text("utf-8")
+    return tuple(LoopVerdict(**verdict) for verdict in json.loads(text))
 
 
 def load_loop_edges(folder: MapFolder) -> tuple[tuple[Edge, ...], NDArray[np.int32]]:

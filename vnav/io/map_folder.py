@@ -132,6 +132,14 @@ class MapFolder:
                 )
         return folder
 
+    def has(self, stage: str) -> bool:
+        """Whether a stage is finished and its inputs are those it was made from."""
+        try:
+            self.stage(stage)
+        except StaleArtifact:
+            return False
+        return True
+
     @contextmanager
     def writing(
         self, stage: str, settings: Mapping[str, Any], inputs: Mapping[str, str]

@@ -15,16 +15,18 @@ from vnav.config import Config
 from vnav.core import se3
 from vnav.core.camera import Intrinsics
 from vnav.core.frame import Edge
-from vnav.core.mapping import LOST, Odometry, OptimisedMap
+from vnav.core.mapping import LOST, LoopVerdict, Odometry, OptimisedMap
 from vnav.core.progress import Progress, silent
 from vnav.core.report import Report
 from vnav.core.trajectory import Trajectory
 from vnav.io.artifacts import (
     load_keyframe,
     load_loop_edges,
+    load_loops,
     load_odometry,
     map_camera,
     save_optimised,
+    save_verdicts,
 )
 from vnav.io.map_folder import MapFolder
 from vnav.io.trajectories import write_tum
@@ -48,6 +50,7 @@ def run(folder: MapFolder, config: Config, *, progress: Progress = silent) -> Re
     result = stand_up(folder, solved, odometry, cameras, config)
     with folder.writing("optimise", settings, inputs) as draft:
         save_optimised(draft, result)
+        save_verdicts(draft, judged(load_loops(folder, "loops"), solved.graph))
         _write_trajectories(draft, odometry, result.T_world_camera)
         edges = [*odometry.edges, *solved.closures]
         posegraph.write_g2o(str(draft / "graph.g2o"), result.T_world_camera, edges)
@@ -89,6 +92,17 @@ def solve(
     poses = posegraph.carry(poses, edges, rows[np.isfinite(poses[rows, 0, 0])])
     progress("optimise", 3, 3)
     return Solved(poses, adjusted, graph, kept, len(np.unique(part[part != LOST])))
+
+
+def judged(verdicts: Sequence[LoopVerdict], graph: posegraph.PoseGraph) -> list[LoopVerdict]:
+    """The verdicts, with the closures that the pose graph did not bear out turned down."""
+    kept = iter(graph.kept)
+    return [
+        verdict
+        if not verdict.accepted or next(kept)
+        else dataclasses.replace(verdict, accepted=False, reason="disagrees with the pose graph")
+        for verdict in verdicts
+    ]
 
 
 def _main_part(
