@@ -13,3 +13,95 @@ def tiny_capture(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("captures") / "miniature"
     write_capture(folder, MINIATURE)
     return folder
+
+
+@pytest.fixture(scope="session")
+def tiny_map(tmp_path_factory: pytest.TempPathFactory, tiny_capture: Path) -> Path:
+    """A map of that room by the stages themselves: odometry, vocabulary, loops, optimise."""
+    from vnav.config import CaptureConfig, Config
+    from vnav.io.capture import open_capture
+    from vnav.io.map_folder import MapFolder
+    from vnav.stages import loops, odometry, optimise, vocabulary
+
+    folder = MapFolder.create(tmp_path_factory.mktemp("maps") / "tiny")
+    odometry.run(folder, [open_capture(tiny_capture, CaptureConfig())], Config())
+    for stage in (vocabulary, loops, optimise):
+        stage.run(folder, Config())
+    return folder.root
+
+
+@pytest.fixture(scope="session")
+def posed_map(tmp_path_factory: pytest.TempPathFactory, tiny_capture: Path) -> Path:
+    """A map of that room up to optimise: true poses, every fifth frame a keyframe, one frame lost.
+
+    Its keyframes have no features. One of its two loop candidates is accepted.
+    """
+    import numpy as np
+
+    from vnav.config import CaptureConfig
+    from vnav.core.frame import Features
+    from vnav.core.mapping import (
+        LOST,
+        FrameTable,
+        Keyframe,
+        Landmarks,
+        LoopVerdict,
+        Odometry,
+        OptimisedMap,
+        Sightings,
+        World,
+    )
+    from vnav.io import artifacts
+    from vnav.io.capture import open_capture
+    from vnav.io.map_folder import MapFolder
+    from vnav.io.trajectories import read_tum, write_tum
+
+    folder = MapFolder.create(tmp_path_factory.mktemp("maps") / "posed")
+    capture = open_capture(tiny_capture, CaptureConfig())
+    truth = read_tum(tiny_capture / "groundtruth.txt")
+    camera = vars(capture.camera.color) | {"distortion": []}
+    folder.set_captures([{"id": 0, "name": capture.name, "fingerprint": "", "camera": camera}])
+
+    count, lost = len(capture), 7
+    poses, segment = truth.T_world_camera.copy(), np.zeros(count, np.int32)
+    poses[lost], segment[lost] = np.nan, LOST
+    empty = np.zeros((0, 1), np.float32)
+    none = Features(empty.reshape(0, 2), np.zeros((0, 128), np.uint8), *[empty[:, 0]] * 3)
+    keyframes = tuple(Keyframe(r, none, empty.reshape(0, 3)) for r in range(0, count, 5))
+    table = FrameTable(np.zeros(count), np.arange(count), truth.stamps_s)
+    reasons = tuple("too dark" if row == lost else "" for row in range(count))
+    odometry = Odometry(table, poses, segment, reasons, (), keyframes, Sightings.joined(()))
+    with folder.writing("odometry", {}, {}) as draft:
+        artifacts.save_odometry(draft, odometry)
+        for keyframe in keyframes:
+            artifacts.save_keyframe(draft, keyframe.row, capture.read(keyframe.row))
+    verdicts = (
+        LoopVerdict(0, 11, "ends", 0.5, True, "", 80, 60),
+        LoopVerdict(1, 6, "appearance", 0.1, False, "too few inliers", 30, 4),
+    )
+    with folder.writing("loops", {}, folder.inputs_of("odometry")) as draft:
+        artifacts.save_loops(draft, verdicts, (), np.zeros((0, 4), np.int32))
+    nothing = np.zeros(0, np.int32)
+    landmarks = Landmarks(np.zeros((0, 3)), np.zeros(0), nothing, nothing, nothing)
+    result = OptimisedMap(poses, np.zeros((len(keyframes), 6, 6)), landmarks, World("floor", 9, 0))
+    with folder.writing("optimise", {}, folder.inputs_of("odometry", "loops")) as draft:
+        artifacts.save_optimised(draft, result)
+        artifacts.save_verdicts(draft, verdicts)
+        write_tum(draft / "trajectory_0.tum", truth)
+        (draft / "graph.g2o").write_text("VERTEX_SE3:QUAT 0 0 0 0 0 0 0 1\n", "utf-8")
+    return folder.root
+
+
+@pytest.fixture(scope="session")
+def fused_map(tmp_path_factory: pytest.TempPathFactory, posed_map: Path) -> Path:
+    """That map, fused."""
+    import shutil
+
+    from vnav.config import Config
+    from vnav.io.map_folder import MapFolder
+    from vnav.stages import fuse
+
+    root = tmp_path_factory.mktemp("maps") / "fused"
+    shutil.copytree(posed_map, root)
+    fuse.run(MapFolder(root), Config())
+    return root

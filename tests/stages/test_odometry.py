@@ -1,0 +1,308 @@
+"""Odometry over the tiny capture, and over captures cut out of it and damaged."""
+
+import dataclasses
+import os
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from vnav.config import CaptureConfig, Config
+from vnav.core import se3
+from vnav.core.camera import Camera
+from vnav.core.frame import Edge, Frame
+from vnav.core.mapping import LOST, Odometry
+from vnav.errors import CaptureError
+from vnav.io.artifacts import load_keyframe, load_odometry, map_camera
+from vnav.io.capture import Capture, open_capture
+from vnav.io.frame_list import FrameList
+from vnav.io.map_folder import MapFolder
+from vnav.io.trajectories import read_tum
+from vnav.posegraph import chain
+from vnav.stages import odometry
+
+CONFIG = Config()
+DRIFT = 0.03  # rad, m: of a few frames. Over all 60 the edges' noise adds up to 6 mm at the worst.
+
+
+class Cut:
+    """Some frames of a capture, in the order given; some of them black, or damaged."""
+
+    truth = None
+
+    def __init__(
+        self, whole: Capture, indices: Sequence[int], black: int = -1, damaged: int = -1
+    ) -> None:
+        self._whole, self._indices = whole, list(indices)
+        self._black, self._damaged = black, damaged
+
+    name = "cut"
+
+    @property
+    def camera(self) -> Camera:
+        return self._whole.camera
+
+    @property
+    def frames(self) -> FrameList:
+        return self._whole.frames
+
+    def __len__(self) -> int:
+        return len(self._indices)
+
+    def stamp_s(self, index: int) -> float:
+        return index / 5
+
+    def read(self, index: int) -> Frame:
+        if index == self._damaged:
+            raise CaptureError(f"expected a whole image in rgb/{index}.png, found a truncated file")
+        frame = self._whole.read(self._indices[index])
+        color = np.zeros_like(frame.color) if index == self._black else frame.color
+        return dataclasses.replace(frame, index=index, stamp_s=self.stamp_s(index), color=color)
+
+    def fingerprint(self) -> str:
+        return f"{self._indices} {self._black} {self._damaged}"
+
+
+@pytest.fixture(scope="module")
+def capture(tiny_capture: Path) -> Capture:
+    return open_capture(tiny_capture, CaptureConfig())
+
+
+@pytest.fixture(scope="module")
+def truth(tiny_capture: Path) -> np.ndarray:
+    return read_tum(tiny_capture / "groundtruth.txt").T_world_camera
+
+
+@pytest.fixture(scope="module")
+def tiny(tiny_map: Path) -> Odometry:
+    return load_odometry(MapFolder(tiny_map))
+
+
+def tracked(capture: Capture, folder: Path, *more: Capture) -> Odometry:
+    return odometry.track([capture, *more], CONFIG, folder)
+
+
+def true_motion(truth: np.ndarray, i: int, j: int) -> np.ndarray:
+    return se3.inverse(truth[i]) @ truth[j]
+
+
+def normalised(T_i_j: np.ndarray, edge: Edge) -> float:
+    """Squared error of an edge by its own information, per degree of freedom."""
+    error = se3.inverse(T_i_j) @ edge.T_i_j
+    xi = np.concatenate([se3.log_so3(error[:3, :3]), error[:3, 3]])
+    return float(xi @ edge.information @ xi) / 6
+
+
+def ate_m(poses: np.ndarray, truth: np.ndarray) -> float:
+    """Absolute trajectory error: root mean square after the best rigid alignment."""
+    positions = poses[:, :3, 3]
+    aligned = se3.transform(se3.align(truth[:, :3, 3], positions), positions)
+    return float(np.sqrt(((aligned - truth[:, :3, 3]) ** 2).sum(1).mean()))
+
+
+def test_every_frame_of_a_good_capture_is_tracked(tiny: Odometry) -> None:
+    assert len(tiny.frames) == 60
+    assert not tiny.segment.any()
+    assert not any(tiny.reasons)
+    assert se3.is_rigid(tiny.T_segment_camera)
+    np.testing.assert_array_equal(tiny.T_segment_camera[0], np.eye(4))
+
+
+def test_edges_are_as_good_as_they_say(tiny: Odometry, truth: np.ndarray) -> None:
+    # 1 on average where keypoints err by the pixel of the settings; rendered frames err by less.
+    errors = [normalised(true_motion(truth, e.i, e.j), e) for e in tiny.edges]
+    assert np.mean(errors) < 1
+    assert max(errors) < 4  # chi-squared of 6 beyond 24: once in 2000
+
+
+def test_drift_is_no_more_than_the_noise_of_the_edges_adds_up_to(
+    tiny: Odometry, truth: np.ndarray
+) -> None:
+    rng = np.random.default_rng(0)
+
+    def drawn(edge: Edge) -> Edge:
+        """The same edge with another error, as its information says errors are."""
+        scatter = np.linalg.cholesky(np.linalg.inv(edge.information))
+        T_i_j = true_motion(truth, edge.i, edge.j) @ se3.exp(scatter @ rng.standard_normal(6))
+        return dataclasses.replace(edge, T_i_j=T_i_j)
+
+    walks = [chain(60, [drawn(e) for e in tiny.edges], [0])[0] for _ in range(20)]
+    assert ate_m(tiny.T_segment_camera, truth) < max(ate_m(walk, truth) for walk in walks)
+
+
+def test_keyframes_are_fewer_than_frames_and_never_far_apart(
+    tiny: Odometry, truth: np.ndarray
+) -> None:
+    rows = [k.row for k in tiny.keyframes]
+    assert rows[0] == 0
+    assert rows == sorted(rows)
+    assert 10 <= len(rows) <= 30
+    settings = CONFIG.odometry
+    step_m = np.linalg.norm(np.diff(truth[:, :3, 3], axis=0), axis=1).max()
+    step_deg = np.rad2deg(max(se3.rotation_angle(true_motion(truth, k, k + 1)) for k in range(59)))
+    for i, j in zip(rows[:-1], rows[1:], strict=True):
+        motion = true_motion(truth, i, j)
+        # The limits, and one step more: a keyframe is made once they are passed.
+        assert np.linalg.norm(motion[:3, 3]) < settings.keyframe_translation_m + step_m
+        assert np.rad2deg(se3.rotation_angle(motion)) < settings.keyframe_rotation_deg + step_deg
+
+
+def test_keyframes_keep_their_images(tiny: Odometry, tiny_map: Path, capture: Capture) -> None:
+    row = tiny.keyframes[3].row
+    kept = load_keyframe(MapFolder(tiny_map), row, tiny.frames)
+    frame = capture.read(row)
+    assert (kept.index, kept.stamp_s) == (frame.index, frame.stamp_s)
+    np.testing.assert_allclose(kept.depth_m, frame.depth_m, atol=1.01e-4)  # steps of 0.2 mm
+    stored = list((tiny_map / "odometry" / "keyframes").glob("*.jpg"))
+    assert len(stored) == len(tiny.keyframes)
+
+
+def test_keyframe_points_are_their_features_lifted(tiny: Odometry, tiny_map: Path) -> None:
+    camera = map_camera(MapFolder(tiny_map))
+    for keyframe in tiny.keyframes[::5]:
+        good = keyframe.has_depth
+        assert good.mean() > 0.5
+        px = camera.project(keyframe.points_camera[good])
+        np.testing.assert_allclose(px, keyframe.features.keypoints_px[good], atol=1e-3)
+
+
+def test_a_black_frame_is_named_and_the_next_is_connected(
+    capture: Capture, truth: np.ndarray, tmp_path: Path
+) -> None:
+    result = tracked(Cut(capture, range(8), black=4), tmp_path)
+    assert result.segment.tolist() == [0, 0, 0, 0, LOST, 0, 0, 0]
+    assert result.reasons[4] == "0 features with depth"
+    assert not any(result.reasons[:4] + result.reasons[5:])
+    assert np.isnan(result.T_segment_camera[4]).all()
+    np.testing.assert_allclose(result.T_segment_camera[7], true_motion(truth, 0, 7), atol=DRIFT)
+
+
+def test_a_damaged_frame_is_skipped_and_told_as_the_reader_tells_it(
+    capture: Capture, tmp_path: Path
+) -> None:
+    result = tracked(Cut(capture, range(6), damaged=0), tmp_path)
+    assert result.segment.tolist() == [LOST, 0, 0, 0, 0, 0]
+    assert result.reasons[0] == "expected a whole image in rgb/0.png, found a truncated file"
+    assert result.keyframes[0].row == 1
+
+
+def test_two_walks_that_share_no_view_are_two_segments(
+    capture: Capture, truth: np.ndarray, tmp_path: Path
+) -> None:
+    # The second walk looks the other way, from the other end of the room.
+    result = tracked(Cut(capture, [*range(5), *range(28, 33)]), tmp_path)
+    assert result.segment.tolist() == [0] * 5 + [1] * 5
+    assert not any(result.reasons)
+    np.testing.assert_array_equal(result.T_segment_camera[5], np.eye(4))
+    within = result.T_segment_camera[9]
+    np.testing.assert_allclose(within, true_motion(truth, 28, 32), atol=DRIFT)
+
+
+def test_a_walk_that_comes_back_goes_on_in_its_old_segment(
+    capture: Capture, truth: np.ndarray, tmp_path: Path
+) -> None:
+    result = tracked(Cut(capture, [*range(4), 28, 29, 3, 4]), tmp_path)
+    assert result.segment.tolist() == [0, 0, 0, 0, 1, 1, 0, 0]
+    np.testing.assert_allclose(result.T_segment_camera[7], true_motion(truth, 0, 4), atol=DRIFT)
+
+
+def test_a_frame_that_matches_nothing_is_lost_and_told(capture: Capture, tmp_path: Path) -> None:
+    result = tracked(Cut(capture, [0, 1, 30, 2, 3]), tmp_path)
+    assert result.reasons[2] == "no frame before it matches"
+    assert [r for k, r in enumerate(result.reasons) if k != 2] == [""] * 4
+    assert [result.segment[k] for k in (0, 1, 3, 4)] == [0] * 4
+
+
+def test_a_camera_that_stands_still_needs_one_keyframe(capture: Capture, tmp_path: Path) -> None:
+    result = tracked(Cut(capture, [10] * 4), tmp_path)
+    assert [k.row for k in result.keyframes] == [0]
+    expected = np.broadcast_to(np.eye(4), (4, 4, 4))
+    np.testing.assert_allclose(result.T_segment_camera, expected, atol=1e-6)
+
+
+def test_one_frame_alone_is_a_capture(capture: Capture, tmp_path: Path) -> None:
+    result = tracked(Cut(capture, [10]), tmp_path)
+    assert result.segment.tolist() == [0]
+    assert result.reasons == ("",)
+    assert len(result.edges) == 0
+
+
+def test_a_capture_that_shows_nothing_is_an_error(capture: Capture, tmp_path: Path) -> None:
+    with pytest.raises(CaptureError, match=r"expected frames with .* found none in 1 frames"):
+        tracked(Cut(capture, [10], black=0), tmp_path)
+    with pytest.raises(CaptureError, match="vnav check"):
+        tracked(Cut(capture, [10], damaged=0), tmp_path)
+
+
+def test_depth_beyond_the_limit_is_not_used(capture: Capture, tmp_path: Path) -> None:
+    near = dataclasses.replace(CONFIG.odometry, max_depth_m=2.0)
+    config = dataclasses.replace(CONFIG, odometry=near)
+    result = odometry.track([Cut(capture, [0])], config, tmp_path)
+    assert np.nanmax(result.keyframes[0].points_camera[:, 2]) < 2.1  # a plane through a window
+
+
+def test_several_captures_are_told_apart_and_share_a_map(
+    capture: Capture, truth: np.ndarray, tmp_path: Path
+) -> None:
+    result = tracked(Cut(capture, range(3)), tmp_path, Cut(capture, range(2, 5)))
+    assert result.frames.capture.tolist() == [0, 0, 0, 1, 1, 1]
+    assert result.frames.index.tolist() == [0, 1, 2, 0, 1, 2]
+    assert result.segment.tolist() == [0] * 6
+    np.testing.assert_allclose(result.T_segment_camera[5], true_motion(truth, 0, 4), atol=DRIFT)
+
+
+def stage_bytes(folder: MapFolder) -> dict[str, bytes]:
+    files = [p for p in (folder.root / "odometry").rglob("*") if p.is_file()]
+    return {str(p.relative_to(folder.root)): p.read_bytes() for p in files}
+
+
+def test_the_stage_writes_the_same_bytes_whatever_the_number_of_cores(
+    capture: Capture, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    cut = Cut(capture, range(7), black=3)
+    written = []
+    for cores in (1, 5):
+        monkeypatch.setattr(os, "cpu_count", lambda n=cores: n)
+        folder = MapFolder.create(tmp_path / f"map_{cores}")
+        odometry.run(folder, [cut], CONFIG)
+        written.append(stage_bytes(folder))
+    assert written[0] == written[1]
+    assert len(written[0]) > 6
+
+
+def test_the_report_names_what_is_lost(capture: Capture, tmp_path: Path) -> None:
+    folder = MapFolder.create(tmp_path / "map")
+    report = odometry.run(folder, [Cut(capture, range(5), black=2)], CONFIG)
+    assert report.values["frames"] == 5
+    assert report.values["tracked"] == 4
+    lost = [{"first": 2, "last": 2, "reason": "0 features with depth"}]
+    assert report.values["lost"] == lost
+    assert report.warnings == ("frame 2 lost: 0 features with depth",)
+    assert report.lines[0].startswith("4 of 5 frames tracked")
+    assert folder.report("odometry")["values"]["lost"] == lost
+
+
+def test_a_finished_stage_is_reused_until_capture_or_settings_change(
+    capture: Capture, tmp_path: Path
+) -> None:
+    folder = MapFolder.create(tmp_path / "map")
+    cut = Cut(capture, range(2))
+    first = odometry.run(folder, [cut], CONFIG)
+    again = odometry.run(folder, [cut], CONFIG)
+    assert (first.reused, again.reused) == (False, True)
+    assert again.values == first.values
+    assert not odometry.run(folder, [cut], dataclasses.replace(CONFIG, seed=1)).reused
+    other = dataclasses.replace(CONFIG, seed=1)
+    assert not odometry.run(folder, [Cut(capture, range(1, 3))], other).reused
+
+
+def test_progress_ends_at_the_last_frame(capture: Capture, tmp_path: Path) -> None:
+    seen: list[tuple[str, int, int]] = []
+
+    def progress(task: str, done: int, total: int) -> None:
+        seen.append((task, done, total))
+
+    odometry.track([Cut(capture, range(2))], CONFIG, tmp_path, progress)
+    assert seen[-1] == ("odometry", 2, 2)
+    assert [done for _, done, _ in seen] == sorted(done for _, done, _ in seen)
