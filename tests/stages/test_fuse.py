@@ -1,0 +1,141 @@
+"""A room with known poses is fused; what comes out is held against the room."""
+
+import json
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from vnav.config import Config, FuseConfig
+from vnav.core.grid import FREE, OCCUPIED, Grid
+from vnav.errors import MapError
+from vnav.io import artifacts
+from vnav.io.grid_files import read_grid
+from vnav.io.map_folder import MapFolder
+from vnav.io.ply import read_cloud, read_mesh
+from vnav.stages import fuse
+from vnav.volumes.octree import Octree
+
+FILES = ("cloud.ply", "mesh.ply", "occupancy.ot", "occupancy.bt", "grid.pgm", "grid.yaml")
+
+
+@pytest.fixture(scope="module")
+def true_grid(tiny_capture: Path) -> Grid:
+    return read_grid(tiny_capture / "truth" / "grid.yaml")
+
+
+@pytest.fixture(scope="module")
+def grid(fused_map: Path) -> Grid:
+    return read_grid(fused_map / "fuse" / "grid.yaml")
+
+
+def true_states_near(grid: Grid, truth: Grid, cells: np.ndarray, reach: int) -> np.ndarray:
+    """The true states (N, (2 reach + 1)^2) of the cells around those that hold the centres."""
+    steps = np.arange(-reach, reach + 1)
+    around = np.stack(np.meshgrid(steps, steps), -1).reshape(-1, 2)
+    found = truth.cells_at(grid.centres_of(cells))[:, None] + around
+    inside = np.clip(found, 0, np.array(truth.cells.shape) - 1)
+    return truth.cells[inside[..., 0], inside[..., 1]]
+
+
+def test_every_file_of_the_stage_is_written(fused_map: Path) -> None:
+    assert {p.name for p in (fused_map / "fuse").iterdir()} == {*FILES, "stage.json"}
+
+
+def test_pictures_are_drawn(fused_map: Path) -> None:
+    for name in ("trajectory", "grid", "cloud"):
+        assert (fused_map / "reports" / f"{name}.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_occupied_cells_are_where_something_stands(grid: Grid, true_grid: Grid) -> None:
+    # One cell for rounding on both grids, one for axial noise: 0.0025 z^2 is 4 cm at 4 m.
+    occupied = np.argwhere(grid.cells == OCCUPIED)
+    near = (true_states_near(grid, true_grid, occupied, 2) == OCCUPIED).any(1)
+    assert len(occupied) > 100
+    assert near.mean() > 0.99
+
+
+def test_no_cell_is_free_where_something_was_measured_above_it(fused_map: Path, grid: Grid) -> None:
+    # Heights one voxel inside the limits of what counts as an obstacle. Some voxels are seen at
+    # their rim only and swept by other rays; a cell with five points of a 2 cm cloud is more.
+    points = read_cloud(fused_map / "fuse" / "cloud.ply").points_world
+    standing = points[(points[:, 2] > 0.15) & (points[:, 2] < 1.35)]
+    cells, counts = np.unique(grid.cells_at(standing[:, :2]), axis=0, return_counts=True)
+    measured = cells[counts >= 5]
+    assert len(measured) > 300
+    assert (grid.cells[tuple(measured.T)] == OCCUPIED).mean() > 0.97
+
+
+def test_most_of_the_free_floor_is_found(grid: Grid, true_grid: Grid) -> None:
+    assert 0.85 < grid.area_m2(FREE) / true_grid.area_m2(FREE) < 1.1
+
+
+def test_the_report_says_shares_and_areas(fused_map: Path, grid: Grid) -> None:
+    values = json.loads((fused_map / "reports" / "fuse.json").read_text("utf-8"))["values"]
+    assert sum(values["share"].values()) == pytest.approx(1, abs=2e-4)  # printed to 1e-4
+    assert values["area_m2"]["free"] == pytest.approx((grid.cells == FREE).sum() * 0.05**2)
+    assert values["keyframes"] == 12
+
+
+def test_cloud_mesh_and_octree_agree_on_the_floor(fused_map: Path) -> None:
+    # Half the octree's voxel: all three show the same floor, noise far below that at its range.
+    cloud = read_cloud(fused_map / "fuse" / "cloud.ply").points_world
+    mesh = read_mesh(fused_map / "fuse" / "mesh.ply").vertices_world
+    leaves = Octree.read(fused_map / "fuse" / "occupancy.ot").most_likely().leaves()
+    occupied = leaves.centres_world[leaves.occupied]
+    for points in (cloud, mesh, occupied):
+        low = points[np.abs(points[:, 2]) < 0.1, 2]
+        assert len(low) > 100
+        assert abs(np.median(low)) <= 0.026
+
+
+def test_a_finished_stage_is_reused(fused_map: Path) -> None:
+    before = (fused_map / "fuse" / "stage.json").stat().st_mtime_ns
+    assert fuse.run(MapFolder(fused_map), Config()).reused
+    assert (fused_map / "fuse" / "stage.json").stat().st_mtime_ns == before
+
+
+@pytest.mark.parametrize("threads", ["1", "8"])
+def test_the_same_bytes_whatever_the_number_of_threads(
+    threads: str, fused_map: Path, posed_map: Path, tmp_path: Path
+) -> None:
+    shutil.copytree(posed_map, tmp_path / "map")
+    code = (
+        "import sys; from pathlib import Path; from vnav.config import Config;"
+        "from vnav.io.map_folder import MapFolder; from vnav.stages import fuse;"
+        "fuse.pictures.draw = lambda folder: None;"
+        "fuse.run(MapFolder(Path(sys.argv[1])), Config())"
+    )
+    subprocess.run(
+        [sys.executable, "-P", "-c", code, str(tmp_path / "map")],
+        check=True,
+        env={"OMP_NUM_THREADS": threads, "MPLBACKEND": "agg", "PATH": ""},
+    )
+    for name in (*FILES, "stage.json"):
+        made = (tmp_path / "map" / "fuse" / name).read_bytes()
+        assert made == (fused_map / "fuse" / name).read_bytes(), name
+
+
+def test_depth_beyond_the_range_is_an_error_that_says_so(posed_map: Path, tmp_path: Path) -> None:
+    shutil.copytree(posed_map, tmp_path / "map")
+    config = Config(fuse=FuseConfig(max_range_m=0.01))
+    with pytest.raises(MapError, match=r"within 0.01 m.*fuse.max_range_m"):
+        fuse.run(MapFolder(tmp_path / "map"), config)
+    assert not (tmp_path / "map" / "fuse").exists()
+
+
+def test_a_keyframe_without_a_pose_is_left_out(posed_map: Path, tmp_path: Path) -> None:
+    shutil.copytree(posed_map, tmp_path / "map")
+    folder = MapFolder(tmp_path / "map")
+    result = artifacts.load_optimised(folder)
+    poses = result.T_world_camera.copy()
+    poses[5] = np.nan
+    views = fuse.Views(folder)
+    assert len(views) == 12
+    with folder.writing("optimise", {}, folder.inputs_of("odometry", "loops")) as draft:
+        changed = type(result)(poses, result.keyframe_covariance, result.landmarks, result.world)
+        artifacts.save_optimised(draft, changed)
+    assert [view.frame.index for view in fuse.Views(folder)] == [0, *range(10, 60, 5)]
