@@ -94,13 +94,15 @@ def by_appearance(odometry: Odometry, tree: VocabularyTree, config: LoopsConfig)
     """For each keyframe the most similar earlier ones by TF-IDF, and the two ends of the capture.
 
     A candidate needs a share of the similarity that neighbouring keyframes have (Galvez-Lopez,
-    Tardos 2012), and must be farther away in time than ``exclude_s``.
+    Tardos 2012), and must be farther away in time than ``exclude_s`` or in another segment.
     """
     keyframes = odometry.keyframes
     similarity = tfidf_similarity(keyframes, tree)
     frames, rows = odometry.frames, np.array([k.row for k in keyframes])
     gap = np.abs(frames.stamp_s[rows][:, None] - frames.stamp_s[rows])
-    apart = (gap > config.exclude_s) | (frames.capture[rows][:, None] != frames.capture[rows])
+    segment = odometry.segment[rows]
+    apart = (gap > config.exclude_s) | (segment[:, None] != segment)
+    apart |= frames.capture[rows][:, None] != frames.capture[rows]
     pairs: dict[tuple[int, int], Candidate] = {}
     for j in range(1, len(keyframes)):
         scores = np.where(apart[j, :j], similarity[j, :j], 0.0)
