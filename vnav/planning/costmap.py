@@ -1,0 +1,128 @@
+"""What driving over each cell costs a robot, and where it cannot be: inflated obstacles."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from vnav.config import PlanConfig
+from vnav.core.grid import OCCUPIED, UNKNOWN, Grid
+from vnav.planning.astar import UNIT
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Costmap:
+    """A grid as a robot of some size sees it; all arrays (rows, columns).
+
+    Parameters
+    ----------
+    grid
+        What stands where.
+    clearance_m
+        From a cell's centre to the nearest occupied cell, infinite where there is none: the
+        distance to its centre less half a cell's diagonal.
+    inflated
+        Whether clearance is less than the robot needs, its radius and the map's uncertainty.
+    costs
+        int32, `astar.UNIT` far from obstacles, more near them; 0 where the robot cannot be.
+    regions
+        int32, equal where the robot can drive from one cell to the other; 0 where it cannot be.
+    """
+
+    grid: Grid
+    clearance_m: Array
+    inflated: NDArray[np.bool_]
+    costs: NDArray[np.int32]
+    regions: NDArray[np.int32]
+
+
+def costmap(grid: Grid, uncertainty_m: float, config: PlanConfig) -> Costmap:
+    """Inflate what is occupied, and declare what the rest costs.
+
+    A metre costs ``1 + clearance_weight`` where the robot just fits, falling to 1 in a straight
+    line over ``clearance_range_m`` more clearance. Unknown cells are blocked, or cost what free
+    ones do where ``allow_unknown`` is set.
+    """
+    clearance_m = grid.resolution_m * (_distances(grid.cells == OCCUPIED) - np.sqrt(0.5))
+    spare_m = clearance_m - (config.robot_radius_m + uncertainty_m)
+    inflated = spare_m < 0
+    blocked = inflated | ((grid.cells == UNKNOWN) & (not config.allow_unknown))
+    nearness = np.clip(1 - spare_m / config.clearance_range_m, 0, 1)
+    costs = np.rint(UNIT * (1 + config.clearance_weight * nearness)).astype(np.int32)
+    costs[blocked] = 0
+    return Costmap(grid, clearance_m, inflated, costs, _regions(~blocked))
+
+
+def _distances(occupied: NDArray[np.bool_]) -> Array:
+    """Distances between centres in cells, exact (Felzenszwalb, Huttenlocher 2012)."""
+    return np.asarray(np.sqrt(_squared_distances(occupied)))
+
+
+@njit(cache=True)  # type: ignore[untyped-decorator]
+def _squared_distances(occupied: NDArray[np.bool_]) -> Array:
+    rows, columns = occupied.shape
+    squared = np.full((rows, columns), np.inf)
+    for c in range(columns):
+        for begin, end, step in ((0, rows, 1), (rows - 1, -1, -1)):
+            away = np.inf
+            for r in range(begin, end, step):
+                away = 0.0 if occupied[r, c] else away + 1
+                squared[r, c] = min(squared[r, c], away * away)
+    for r in range(rows):
+        squared[r] = _lower_envelope(squared[r])
+    return squared
+
+
+@njit(cache=True)  # type: ignore[untyped-decorator]
+def _lower_envelope(heights: Array) -> Array:
+    """The least of the parabolas ``heights[c] + (x - c)**2`` at each x."""
+    n = len(heights)
+    lowest, begins = np.zeros(n, np.int64), np.empty(n)
+    count = 0
+    for c in range(n):
+        if heights[c] == np.inf:
+            continue
+        begin = -np.inf
+        while count > 0:
+            last = lowest[count - 1]
+            begin = (heights[c] - heights[last] + c * c - last * last) / (2 * (c - last))
+            if begin > begins[count - 1]:
+                break
+            count -= 1
+            begin = -np.inf
+        lowest[count], begins[count] = c, begin
+        count += 1
+    result, k = np.full(n, np.inf), 0
+    for x in range(n if count > 0 else 0):
+        while k + 1 < count and begins[k + 1] < x:
+            k += 1
+        result[x] = heights[lowest[k]] + (x - lowest[k]) ** 2
+    return result
+
+
+@njit(cache=True)  # type: ignore[untyped-decorator]
+def _regions(passable: NDArray[np.bool_]) -> NDArray[np.int32]:
+    """Numbers from 1 for cells joined by their sides, as moves that cut no corner join them."""
+    rows, columns = passable.shape
+    regions = np.zeros((rows, columns), np.int32)
+    stack = np.empty(rows * columns, np.int64)
+    count = 0
+    for first in range(rows * columns):
+        if not passable[first // columns, first % columns] or regions.flat[first] > 0:
+            continue
+        count += 1
+        regions[first // columns, first % columns] = count
+        stack[0], height = first, 1
+        while height > 0:
+            height -= 1
+            r, c = stack[height] // columns, stack[height] % columns
+            for k in range(4):
+                i, j = r + (1, -1, 0, 0)[k], c + (0, 0, 1, -1)[k]
+                if 0 <= i < rows and 0 <= j < columns and passable[i, j] and regions[i, j] == 0:
+                    regions[i, j] = count
+                    stack[height] = i * columns + j
+                    height += 1
+    return regions

@@ -1,0 +1,132 @@
+"""Where a path may begin and end: the cells asked for, or the nearest that the robot can be in."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vnav.core.frame import Rejected
+from vnav.core.grid import OCCUPIED, UNKNOWN
+from vnav.planning.costmap import Costmap
+
+Point = tuple[float, float]  # x, y in the world, metres
+
+
+@dataclass(frozen=True)
+class End:
+    """A start or goal: the point that was asked for and the one that is used, ``moved_m`` away."""
+
+    asked: Point
+    snapped: Point
+    moved_m: float
+    cell: tuple[int, int]
+
+
+@dataclass(frozen=True)
+class _Choices:
+    """Cells (M, 2) that could stand for a point, nearest first, and how far off they are (M,)."""
+
+    point: Point
+    cells: NDArray[np.intp]
+    moved_m: NDArray[np.float64]
+
+
+def choose_ends(
+    costmap: Costmap, start: Point, goal: Point, tolerance_m: float
+) -> tuple[End, End] | Rejected:
+    """The cells nearest to start and goal, both in one region; Rejected where there are none.
+
+    A point is moved by ``tolerance_m`` at most, and only where the robot cannot be at it or cannot
+    drive between the two. On the straight way to its new place it may leave the obstacle, the
+    inflated space or the unknown that it lies in, but never enters an obstacle, nor inflated space
+    from outside: a goal is not moved through a wall, nor through a gap too narrow for the robot.
+    """
+    choices = []
+    for name, point in (("start", start), ("goal", goal)):
+        near = _choices(costmap, point, tolerance_m)
+        if not len(near.cells):
+            return Rejected(_nowhere(costmap, name, point, tolerance_m))
+        choices.append(near)
+    nearest = [_nearest_in_region(costmap, near) for near in choices]
+    common = sorted(nearest[0].keys() & nearest[1].keys())
+    if not common:
+        return Rejected(_apart(costmap, choices))
+    moved = [
+        sum(c.moved_m[n[region]] for c, n in zip(choices, nearest, strict=True))
+        for region in common
+    ]
+    region = common[int(np.argmin(moved))]
+    ends = [_end(costmap, c, n[region]) for c, n in zip(choices, nearest, strict=True)]
+    return ends[0], ends[1]
+
+
+def _choices(costmap: Costmap, point: Point, tolerance_m: float) -> _Choices:
+    grid = costmap.grid
+    cells = np.argwhere(costmap.costs > 0)
+    moved_m = np.hypot(*(grid.centres_of(cells) - point).T)
+    moved_m[(cells == grid.cells_at(point)).all(1)] = 0
+    order = np.argsort(moved_m, kind="stable")
+    order = order[: np.searchsorted(moved_m[order], tolerance_m, "right")]
+    cells, moved_m = cells[order], moved_m[order]
+    straight = _may_move(costmap, point, grid.centres_of(cells))
+    return _Choices(point, cells[straight], moved_m[straight])
+
+
+def _may_move(costmap: Costmap, point: Point, centres: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Whether the straight ways (M,) from a point to places (M, 2) only ever lead out."""
+    grid = costmap.grid
+    farthest_m = np.hypot(*(centres - point).T).max(initial=0)
+    parts = np.linspace(0, 1, 2 + int(2 * farthest_m / grid.resolution_m))
+    ways = grid.cells_at(point + parts[:, None] * (centres[:, None] - point))
+    inside, (rows, columns) = grid.contains(ways), np.moveaxis(ways, -1, 0)
+    rows, columns = np.where(inside, rows, 0), np.where(inside, columns, 0)
+    states = np.where(inside, grid.cells[rows, columns], UNKNOWN)
+    depth = np.where(states == OCCUPIED, 2, costmap.inflated[rows, columns] & inside)
+    still_there = np.logical_and.accumulate((states == OCCUPIED) | (states == UNKNOWN), axis=1)
+    depth = np.where(still_there, 2, depth)
+    return np.asarray((np.diff(depth, axis=1) <= 0).all(1))
+
+
+def _nearest_in_region(costmap: Costmap, choices: _Choices) -> dict[int, int]:
+    """For each region, the first of the choices that lies in it."""
+    rows, columns = choices.cells.T
+    regions, first = np.unique(costmap.regions[rows, columns], return_index=True)
+    return dict(zip(regions.tolist(), first.tolist(), strict=True))
+
+
+def _end(costmap: Costmap, choices: _Choices, index: int) -> End:
+    moved_m, (row, column) = float(choices.moved_m[index]), choices.cells[index].tolist()
+    x, y = costmap.grid.centres_of((row, column)).tolist()
+    return End(choices.point, (x, y) if moved_m else choices.point, moved_m, (row, column))
+
+
+def _nowhere(costmap: Costmap, name: str, point: Point, tolerance_m: float) -> str:
+    """Why there is no cell for a point."""
+    cells = np.argwhere(costmap.costs > 0)
+    if not len(cells):
+        return "the robot fits nowhere on this grid"
+    away_m = np.hypot(*(costmap.grid.centres_of(cells) - point).T).min()
+    return (
+        f"the {name} ({point[0]:.2f}, {point[1]:.2f}) {_state(costmap, point)}; the nearest cell"
+        f" the robot can be in is {away_m:.2f} m away, the tolerance is {tolerance_m:g} m"
+    )
+
+
+def _state(costmap: Costmap, point: Point) -> str:
+    grid = costmap.grid
+    row, column = grid.cells_at(point).tolist()
+    if not grid.contains((row, column)):
+        return "lies outside the grid"
+    if grid.cells[row, column] == OCCUPIED:
+        return "lies in an obstacle"
+    if costmap.inflated[row, column]:
+        return f"is {max(costmap.clearance_m[row, column], 0):.2f} m from an obstacle"
+    return "lies in unknown space"
+
+
+def _apart(costmap: Costmap, choices: list[_Choices]) -> str:
+    areas = []
+    for near in choices:
+        region = costmap.regions[tuple(near.cells[0])]
+        areas.append((costmap.regions == region).sum() * costmap.grid.resolution_m**2)
+    return f"start and goal lie in separate regions, of {areas[0]:.1f} and {areas[1]:.1f} m2"

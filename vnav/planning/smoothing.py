@@ -1,0 +1,105 @@
+"""A route over cells made a path that a robot can follow."""
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from vnav.planning.astar import UNIT
+
+Array = NDArray[np.float64]
+Costs = NDArray[np.int32]
+
+_LONGEST = 200  # cells of a route that one straight segment may replace
+_ROUNDS = 3  # of corner cutting
+_SAME = 1e-9  # what differs by less is the same
+
+
+def smooth(points: Array, costs: Costs) -> Array:
+    """A path through fewer points with rounder corners, that costs no more and is no longer.
+
+    Straight segments replace parts of the route, those that together cost the least; then corners
+    are cut (Chaikin 1974) where that costs no more. What a segment costs is the integral of the
+    cells' costs along it, as for the moves of A*; it never touches a blocked cell, nor passes
+    between two that meet at a corner.
+
+    Parameters
+    ----------
+    points
+        (K, 2) column and row in cells, that of a cell's centre ending in one half; each segment
+        between two in succession is passable.
+    costs
+        (rows, columns) as for `astar.search`.
+    """
+    path = points[_chain(points, costs)]
+    for _ in range(_ROUNDS):
+        path = _cut_corners(path, costs)
+    return path
+
+
+@njit(cache=True)  # type: ignore[untyped-decorator]
+def segment_cost(costs: Costs, a: Array, b: Array) -> float:
+    """What the straight way between points (2,) costs, infinite where it touches a blocked cell.
+
+    In cells of cost 1. Source of the walk through the cells: Amanatides, Woo 1987.
+    """
+    cell, towards, step = np.floor(a), b - a, np.sign(b - a)
+    crossing, between = np.full(2, np.inf), np.full(2, np.inf)  # cell borders, in parts of the way
+    for k in range(2):
+        if towards[k] != 0:
+            crossing[k] = (cell[k] + (step[k] > 0) - a[k]) / towards[k]
+            between[k] = 1 / abs(towards[k])
+    total, at = 0.0, 0.0
+    while True:
+        column, row = int(cell[0]), int(cell[1])
+        if costs[row, column] == 0:
+            return np.inf
+        reached = min(crossing[0], crossing[1], 1.0)
+        total += (reached - at) * costs[row, column]
+        if reached >= 1:
+            return total * np.hypot(towards[0], towards[1]) / UNIT
+        if abs(crossing[0] - crossing[1]) < _SAME:
+            beside = min(costs[row, column + int(step[0])], costs[row + int(step[1]), column])
+            if beside == 0:
+                return np.inf
+        for k in range(2):
+            if crossing[k] - reached < _SAME:
+                cell[k] += step[k]
+                crossing[k] += between[k]
+        at = reached
+
+
+@njit(cache=True)  # type: ignore[untyped-decorator]
+def _chain(points: Array, costs: Costs) -> NDArray[np.int64]:
+    """Which points to go straight between so that the whole costs least; of equals, the fewest."""
+    n = len(points)
+    cost, origin = np.full(n, np.inf), np.zeros(n, np.int64)
+    cost[0] = 0
+    for j in range(1, n):
+        for i in range(max(0, j - _LONGEST), j):
+            through = cost[i] + segment_cost(costs, points[i], points[j])
+            if through < cost[j] - _SAME:
+                cost[j], origin[j] = through, i
+    kept = [n - 1]
+    while kept[-1] > 0:
+        kept.append(origin[kept[-1]])
+    return np.array(kept[::-1])
+
+
+@njit(cache=True)  # type: ignore[untyped-decorator]
+def _cut_corners(path: Array, costs: Costs) -> Array:
+    """Each corner replaced by the segment from a quarter before it to a quarter after it."""
+    rounder = [path[0]]
+    for k in range(1, len(path) - 1):
+        before = path[k] + (path[k - 1] - path[k]) / 4
+        after = path[k] + (path[k + 1] - path[k]) / 4
+        along = segment_cost(costs, before, path[k]) + segment_cost(costs, path[k], after)
+        if segment_cost(costs, before, after) <= along + _SAME:
+            rounder.append(before)
+            rounder.append(after)
+        else:
+            rounder.append(path[k])
+    rounder.append(path[-1])
+    result = np.empty((len(rounder), 2))
+    for k in range(len(rounder)):
+        result[k] = rounder[k]
+    return result
