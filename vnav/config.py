@@ -150,9 +150,11 @@ class PlanConfig:
     """The path and the robot that follows it."""
 
     robot_radius_m: float = 0.20
-    tolerance_m: float = 0.50
-    clearance_weight: float = 0.5
-    clearance_range_m: float = 0.50
+    tolerance_m: float = 0.50  # how far start and goal may be moved to where the robot can be
+    clearance_weight: float = 0.5  # a metre where the robot just fits costs 1 + this
+    clearance_range_m: float = 0.50  # more clearance than this is worth nothing
+    max_uncertainty_m: float = 0.05  # of the map, in inflation: beyond it doors would close
+    spacing_m: float = 0.05  # between points of the path
     allow_unknown: bool = False
 
 
