@@ -41,8 +41,8 @@ def write_mesh(path: Path, mesh: Mesh) -> None:
 def read_mesh(path: Path) -> Mesh:
     """A mesh that `write_mesh` wrote; MapError where it is missing or damaged."""
     vertices, triangles = _read(path, MESH_VERTEX)
-    columns = (_columns(vertices, part) for part in (POSITION, NORMAL, COLOR))
-    return Mesh(*columns, _columns(triangles, TRIANGLE[1:]))
+    points, normals, colors = (_columns(vertices, part) for part in (POSITION, NORMAL, COLOR))
+    return Mesh(points, normals, colors, _columns(triangles, TRIANGLE[1:]))
 
 
 def write_obj(path: Path, mesh: Mesh) -> None:

@@ -8,7 +8,6 @@ import numpy as np
 
 from vnav.core.grid import FREE, OCCUPIED, UNKNOWN
 from vnav.core.mapping import Odometry
-from vnav.errors import StaleArtifact
 from vnav.io.artifacts import load_loops, load_odometry, load_optimised
 from vnav.io.grid_files import read_grid
 from vnav.io.map_folder import STAGES, MapFolder
@@ -55,11 +54,9 @@ def overview(folder: MapFolder) -> dict[str, Any]:
 
 
 def _state(folder: MapFolder, stage: str) -> str:
-    try:
-        folder.stage(stage)
-    except StaleArtifact:
-        return "stale" if (folder.root / stage / "stage.json").is_file() else "missing"
-    return "current"
+    if folder.has(stage):
+        return "current"
+    return "stale" if (folder.root / stage / "stage.json").is_file() else "missing"
 
 
 def _size_mb(path: Path) -> float:

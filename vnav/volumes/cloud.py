@@ -22,9 +22,9 @@ def filter_depth(depth_m: NDArray[np.float32], config: FuseConfig) -> NDArray[np
     """
     in_range = (depth_m > 0) & (depth_m <= config.max_range_m)
     inverse = np.divide(1, depth_m, out=np.full_like(depth_m, np.nan), where=in_range)
-    inverse[_on_edge(inverse, config.edge_per_m)] = np.nan
-    inverse[_like_neighbours(inverse, config.edge_per_m) < LIKE_NEIGHBOURS] = np.nan
-    return np.where(np.isnan(inverse), np.float32(0), depth_m)
+    isolated = _like_neighbours(inverse, config.edge_per_m) < LIKE_NEIGHBOURS
+    refused = isolated | _on_edge(inverse, config.edge_per_m)
+    return np.where(in_range & ~refused, depth_m, np.float32(0))
 
 
 def first_in_voxel(points: NDArray[np.floating], voxel_m: float) -> NDArray[np.intp]:

@@ -1,0 +1,115 @@
+"""info, report and export as a user calls them."""
+
+import json
+import shutil
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from click.testing import CliRunner, Result
+
+from vnav.cli.main import cli
+from vnav.errors import MapError, StaleArtifact
+from vnav.io.ply import read_cloud, read_mesh
+from vnav.io.trajectories import read_tum
+
+
+def run(*arguments: object) -> Result:
+    return CliRunner().invoke(
+        cli, [str(a) for a in arguments], standalone_mode=False, catch_exceptions=False
+    )
+
+
+def test_info_tells_what_a_map_holds(fused_map: Path) -> None:
+    lines = run("info", fused_map).output.splitlines()
+    assert any(line.split() == ["capture", "0:", "miniature,", "320", "x", "240"] for line in lines)
+    assert any("59 of 60 tracked, 12 keyframes" in line for line in lines)
+    assert any("frames 7 to 7 of capture 0: too dark" in line for line in lines)
+    assert any(line.split()[:3] == ["stage", "index", "missing"] for line in lines)
+
+
+def test_info_as_json_is_one_object(fused_map: Path) -> None:
+    values = json.loads(run("info", fused_map, "--json").output)
+    assert values["stages"]["fuse"]["state"] == "current"
+
+
+def test_info_of_an_empty_map_is_no_error(tmp_path: Path) -> None:
+    from vnav.io.map_folder import MapFolder
+
+    MapFolder.create(tmp_path / "map")
+    assert "missing" in run("info", tmp_path / "map").output
+
+
+@pytest.mark.parametrize("command", ["info", "report", "export"])
+def test_a_folder_without_a_map_is_an_error(command: str, tmp_path: Path) -> None:
+    options = ("--cloud", "ply") if command == "export" else ()
+    with pytest.raises(MapError, match="found no map.json"):
+        run(command, tmp_path, *options)
+
+
+def test_report_prints_where_the_page_is(fused_map: Path, tmp_path: Path) -> None:
+    shutil.copytree(fused_map, tmp_path / "map")
+    path = Path(run("report", tmp_path / "map").output.strip())
+    assert path == tmp_path / "map" / "reports" / "report.html"
+    assert path.stat().st_size > 10_000
+
+
+def test_export_writes_several_parts_at_once_and_says_what(fused_map: Path, tmp_path: Path) -> None:
+    out = tmp_path / "deep" / "out"
+    options = "--trajectory tum --cloud ply --octomap bt --grid pgm --mesh ply --graph g2o"
+    result = run("export", fused_map, *options.split(), "--out", out)
+    names = {
+        *("trajectory_0.tum", "cloud.ply", "occupancy.bt", "grid.pgm", "grid.yaml"),
+        *("mesh.ply", "graph.g2o"),
+    }
+    assert {p.name for p in out.iterdir()} == names
+    assert all(str(out / name) in result.output for name in names)
+    assert len(read_cloud(out / "cloud.ply")) > 1000
+    assert cv2.imread(str(out / "grid.pgm"), cv2.IMREAD_GRAYSCALE) is not None
+
+
+def test_a_kitti_trajectory_has_the_same_poses_and_times_beside_it(
+    fused_map: Path, tmp_path: Path
+) -> None:
+    run("export", fused_map, "--trajectory", "kitti", "--out", tmp_path)
+    truth = read_tum(fused_map / "optimise" / "trajectory_0.tum")
+    poses = np.loadtxt(tmp_path / "trajectory_0.kitti").reshape(-1, 3, 4)
+    np.testing.assert_allclose(poses, truth.T_world_camera[:, :3], atol=1e-9)  # 12 digits
+    times = np.loadtxt(tmp_path / "trajectory_0.times")
+    np.testing.assert_allclose(times, truth.stamps_s, rtol=0, atol=1e-9)
+
+
+def test_an_obj_has_every_vertex_and_triangle(fused_map: Path, tmp_path: Path) -> None:
+    run("export", fused_map, "--mesh", "obj", "--out", tmp_path)
+    mesh = read_mesh(fused_map / "fuse" / "mesh.ply")
+    lines = (tmp_path / "mesh.obj").read_text("ascii").splitlines()
+    kinds = [line.split()[0] for line in lines]
+    assert kinds.count("v") == kinds.count("vn") == len(mesh.vertices_world)
+    assert kinds.count("f") == len(mesh.triangles)
+
+
+def test_a_missing_stage_names_the_command_and_writes_nothing(
+    posed_map: Path, tmp_path: Path
+) -> None:
+    out = tmp_path / "out"
+    with pytest.raises(StaleArtifact, match="vnav fuse"):
+        run("export", posed_map, "--trajectory", "tum", "--cloud", "ply", "--out", out)
+    assert not out.exists()
+
+
+def test_export_into_the_map_is_refused(fused_map: Path) -> None:
+    with pytest.raises(MapError, match="outside the map"):
+        run("export", fused_map, "--cloud", "ply", "--out", fused_map / "fuse")
+
+
+def test_export_where_nothing_can_be_written_is_an_error(fused_map: Path, tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("", "utf-8")
+    with pytest.raises(MapError, match="--out"):
+        run("export", fused_map, "--cloud", "ply", "--out", tmp_path / "file")
+
+
+def test_export_of_nothing_is_a_usage_error(fused_map: Path) -> None:
+    result = CliRunner().invoke(cli, ["export", str(fused_map)])
+    assert result.exit_code == 2
+    assert "--trajectory" in result.output

@@ -1,0 +1,116 @@
+"""The octree says what is occupied, free and unknown, and comes back from its files."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from vnav.errors import MapError
+from vnav.volumes import octree as module
+from vnav.volumes.octree import Octree
+
+SENSOR = np.array([0.05, 0.05, 0.05])
+
+
+def wall_of(x: float, side: int = 5) -> np.ndarray:
+    """Centres of the voxels of a wall at x."""
+    steps = (np.arange(side) - side // 2) * 0.1 + 0.05
+    y, z = np.meshgrid(steps, steps)
+    return np.stack([np.full(y.size, x), y.ravel(), z.ravel()], 1)
+
+
+def tree_of(*scans: np.ndarray) -> Octree:
+    octree = Octree(0.1)
+    for points in scans:
+        octree.insert(points, SENSOR)
+    octree.settle()
+    return octree
+
+
+def state_at(octree: Octree, point: list[float]) -> str:
+    """Occupied, free or unknown, from the leaves alone."""
+    leaves = octree.leaves()
+    inside = (np.abs(leaves.centres_world - point) < leaves.size_m[:, None] / 2).all(1)
+    if not inside.any():
+        return "unknown"
+    assert inside.sum() == 1
+    return "occupied" if leaves.occupied[inside][0] else "free"
+
+
+def test_a_ray_frees_what_it_crosses_and_ends_in_something() -> None:
+    octree = tree_of(wall_of(1.05))
+    assert state_at(octree, [1.05, 0.05, 0.05]) == "occupied"
+    assert state_at(octree, [0.55, 0.05, 0.05]) == "free"
+    assert state_at(octree, [1.25, 0.05, 0.05]) == "unknown"
+
+
+def test_every_point_of_a_scan_is_occupied_whatever_rays_cross_it() -> None:
+    grazed = np.stack([np.arange(0.35, 2, 0.1), *np.full((2, 17), 0.05)], 1)  # along one ray
+    octree = tree_of(grazed)
+    leaves = octree.leaves()
+    assert leaves.occupied.sum() == len(grazed)
+
+
+def test_what_later_scans_see_through_becomes_free() -> None:
+    octree = tree_of(wall_of(1.05), *[wall_of(2.05)] * 5)
+    assert state_at(octree, [1.05, 0.05, 0.05]) == "free"
+
+
+def test_leaves_of_the_most_likely_tree_cover_the_same_states() -> None:
+    octree = tree_of(wall_of(1.05, 15), *[wall_of(2.05, 15)] * 2)
+    likely = octree.most_likely()
+    assert len(likely.leaves()) < len(octree.leaves())
+    volume = [
+        [(leaves.size_m[leaves.occupied == state] ** 3).sum() for state in (True, False)]
+        for leaves in (octree.leaves(), likely.leaves())
+    ]
+    np.testing.assert_allclose(volume[0], volume[1])
+
+
+def test_an_empty_tree_has_no_leaves() -> None:
+    assert len(Octree(0.1).leaves()) == 0
+    assert len(Octree(0.1).most_likely().leaves()) == 0
+
+
+@pytest.mark.parametrize("name", ["tree.ot", "tree.bt"])
+def test_a_file_is_read_back(name: str, tmp_path: Path) -> None:
+    octree = tree_of(wall_of(1.05))
+    octree.write(tmp_path / name)
+    again = Octree.read(tmp_path / name)
+    assert again.resolution_m == 0.1
+    expected, found = octree.most_likely().leaves(), again.most_likely().leaves()
+    np.testing.assert_array_equal(expected.centres_world, found.centres_world)
+    np.testing.assert_array_equal(expected.occupied, found.occupied)
+
+
+def test_writing_the_binary_file_leaves_the_tree_as_it_was(tmp_path: Path) -> None:
+    octree = tree_of(wall_of(1.05))
+    octree.write(tmp_path / "before.ot")
+    octree.write(tmp_path / "tree.bt")
+    octree.write(tmp_path / "after.ot")
+    assert (tmp_path / "before.ot").read_bytes() == (tmp_path / "after.ot").read_bytes()
+
+
+@pytest.mark.parametrize("name", ["tree.ot", "tree.bt"])
+@pytest.mark.parametrize("cut", [1, 20, 10_000])
+def test_a_file_that_is_cut_short_is_an_error(name: str, cut: int, tmp_path: Path) -> None:
+    tree_of(wall_of(1.05)).write(tmp_path / name)
+    content = (tmp_path / name).read_bytes()
+    (tmp_path / name).write_bytes(content[: max(0, len(content) - cut)])
+    with pytest.raises(MapError, match="expected a whole octree"):
+        Octree.read(tmp_path / name)
+
+
+def test_a_missing_file_is_an_error_that_names_it(tmp_path: Path) -> None:
+    with pytest.raises(MapError, match=r"none\.ot.*No such file"):
+        Octree.read(tmp_path / "none.ot")
+
+
+def test_something_else_is_no_octree(tmp_path: Path) -> None:
+    (tmp_path / "photo.ot").write_bytes(b"\xff\xd8\xff")
+    with pytest.raises(MapError, match="3 bytes that are none"):
+        Octree.read(tmp_path / "photo.ot")
+
+
+def test_the_self_test_passes() -> None:
+    module.self_test()
