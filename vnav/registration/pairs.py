@@ -34,7 +34,7 @@ class Pairs:
     @property
     def both(self) -> NDArray[np.bool_]:
         """Which matches (M,) have depth at both ends."""
-        return np.isfinite(self.points_b[:, 2])
+        return np.asarray(np.isfinite(self.points_b[:, 2]))
 
     def costs(self, T_a_b: Array, threshold_sigmas: float) -> tuple[Array, NDArray[np.int64]]:
         """Truncated squared residuals summed (S,) for motions (S, 4, 4), and their inliers (S,).
@@ -43,7 +43,8 @@ class Pairs:
         """
         T_b_a = np.ascontiguousarray(se3.inverse(T_a_b))
         limits = np.repeat(self.sigmas, (2, 1)) * threshold_sigmas
-        return _costs(T_b_a, self.points_a, self.points_b, self.px_b, self.camera, limits)
+        cost, inliers = _costs(T_b_a, self.points_a, self.points_b, self.px_b, self.camera, limits)
+        return cost, inliers
 
     def normal_equations(self, T_a_b: Array) -> tuple[Array, Array, Array]:
         """Gauss-Newton matrix (6, 6), gradient (6,) and squared residuals (M,) at one motion.
@@ -53,9 +54,10 @@ class Pairs:
         """
         T_b_a = np.ascontiguousarray(se3.inverse(T_a_b))
         variances = np.repeat(self.sigmas, (2, 1)) ** 2
-        return _normal_equations(
+        H, g, squared = _normal_equations(
             T_b_a, self.points_a, self.points_b, self.px_b, self.camera, variances
         )
+        return H, g, squared
 
     def rms_px(self, T_a_b: Array, chosen: NDArray[np.bool_]) -> float:
         """Root mean square reprojection error of the chosen matches."""
