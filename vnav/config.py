@@ -141,7 +141,7 @@ class LocateConfig:
     ransac_threshold_px: float = 6.0
     ransac_iterations: int = 1000
     min_inliers: int = 12
-    min_evidence: float = 6.0  # nats for the pose against anywhere else
+    min_evidence: float = 1.0  # nats for the pose against anywhere else
     min_margin: float = 4.0  # nats for the pose against the next best
 
 
@@ -151,11 +151,12 @@ class PlanConfig:
 
     robot_radius_m: float = 0.20
     tolerance_m: float = 0.50  # how far start and goal may be moved to where the robot can be
-    clearance_weight: float = 0.5  # a metre where the robot just fits costs 1 + this
-    clearance_range_m: float = 0.50  # more clearance than this is worth nothing
+    clearance_weight: float = 1.0  # a metre where the robot just fits costs 1 + this
+    clearance_range_m: float = 0.30  # of clearance beyond that; more is worth nothing
     max_uncertainty_m: float = 0.05  # of the map, in inflation: beyond it doors would close
     spacing_m: float = 0.05  # between points of the path
     allow_unknown: bool = False
+    unknown_cost: float = 3.0  # a metre of unknown space costs this times a free one
 
 
 @dataclass(frozen=True)

@@ -43,16 +43,17 @@ def costmap(grid: Grid, uncertainty_m: float, config: PlanConfig) -> Costmap:
     """Inflate what is occupied, and declare what the rest costs.
 
     A metre costs ``1 + clearance_weight`` where the robot just fits, falling to 1 in a straight
-    line over ``clearance_range_m`` more clearance. Unknown cells are blocked, or cost what free
-    ones do where ``allow_unknown`` is set.
+    line over ``clearance_range_m`` more clearance. Unknown cells are blocked; where
+    ``allow_unknown`` is set they cost ``unknown_cost`` times as much as free ones.
     """
     clearance_m = grid.resolution_m * (_distances(grid.cells == OCCUPIED) - np.sqrt(0.5))
     spare_m = clearance_m - (config.robot_radius_m + uncertainty_m)
     inflated = spare_m < 0
-    blocked = inflated | ((grid.cells == UNKNOWN) & (not config.allow_unknown))
+    unknown = grid.cells == UNKNOWN
     nearness = np.clip(1 - spare_m / config.clearance_range_m, 0, 1)
-    costs = np.rint(UNIT * (1 + config.clearance_weight * nearness)).astype(np.int32)
-    costs[blocked] = 0
+    cost = (1 + config.clearance_weight * nearness) * np.where(unknown, config.unknown_cost, 1)
+    blocked = inflated | (unknown & (not config.allow_unknown))
+    costs = np.where(blocked, 0, np.rint(UNIT * cost)).astype(np.int32)
     return Costmap(grid, clearance_m, inflated, costs, _regions(~blocked))
 
 

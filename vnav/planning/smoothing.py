@@ -30,7 +30,7 @@ def smooth(points: Array, costs: Costs) -> Array:
     costs
         (rows, columns) as for `astar.search`.
     """
-    path = points[_chain(points, costs)]
+    path: Array = points[_chain(points, costs)]
     for _ in range(_ROUNDS):
         path = _cut_corners(path, costs)
     return path
@@ -56,7 +56,7 @@ def segment_cost(costs: Costs, a: Array, b: Array) -> float:
         reached = min(crossing[0], crossing[1], 1.0)
         total += (reached - at) * costs[row, column]
         if reached >= 1:
-            return total * np.hypot(towards[0], towards[1]) / UNIT
+            return float(total * np.hypot(towards[0], towards[1]) / UNIT)
         if abs(crossing[0] - crossing[1]) < _SAME:
             beside = min(costs[row, column + int(step[0])], costs[row + int(step[1]), column])
             if beside == 0:
