@@ -17,16 +17,17 @@ def tiny_capture(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="session")
 def tiny_map(tmp_path_factory: pytest.TempPathFactory, tiny_capture: Path) -> Path:
-    """A map of that room by the stages themselves: odometry, vocabulary, loops, optimise."""
-    from vnav.config import CaptureConfig, Config
+    """A map of that room by the stages themselves, up to optimise, from half the usual features."""
+    from vnav.config import CaptureConfig, Config, FeaturesConfig
     from vnav.io.capture import open_capture
     from vnav.io.map_folder import MapFolder
     from vnav.stages import loops, odometry, optimise, vocabulary
 
     folder = MapFolder.create(tmp_path_factory.mktemp("maps") / "tiny")
-    odometry.run(folder, [open_capture(tiny_capture, CaptureConfig())], Config())
+    config = Config(features=FeaturesConfig(max_features=700))
+    odometry.run(folder, [open_capture(tiny_capture, CaptureConfig())], config)
     for stage in (vocabulary, loops, optimise):
-        stage.run(folder, Config())
+        stage.run(folder, config)
     return folder.root
 
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from vnav.config import CaptureConfig, Config
+from vnav.config import CaptureConfig, Config, FeaturesConfig
 from vnav.core import se3
 from vnav.core.camera import Camera
 from vnav.core.frame import Edge, Frame
@@ -22,7 +22,7 @@ from vnav.io.trajectories import read_tum
 from vnav.posegraph import chain
 from vnav.stages import odometry
 
-CONFIG = Config()
+CONFIG = Config(features=FeaturesConfig(max_features=700))  # half: quick
 DRIFT = 0.03  # rad, m: of a few frames. Over all 60 the edges' noise adds up to 6 mm at the worst.
 
 
