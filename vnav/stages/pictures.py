@@ -1,14 +1,12 @@
 """Pictures of a map from above, in its reports/: trajectory, grid and cloud."""
 
-from collections.abc import Sequence
 from itertools import groupby
 from pathlib import Path
 
 import numpy as np
-from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
-from matplotlib.colors import to_rgb
+from matplotlib.colors import to_rgba
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
@@ -21,14 +19,15 @@ from vnav.io.artifacts import load_loops, load_odometry, load_optimised
 from vnav.io.grid_files import read_grid
 from vnav.io.map_folder import MapFolder
 from vnav.io.ply import read_cloud
+from vnav.stages.figures import COLORS, extent_of, grid_image, legend, map_figure
 from vnav.volumes.top_view import seen_from_above
 
 NAMES = ("trajectory", "grid", "cloud")
+FADED = 0.35  # the grid under the trajectory
 MARGIN_M = 0.3  # about the path
 CUT_M = 2.0  # the cloud is drawn up to this height: ceilings would hide the rooms
 PIXEL_M = 0.02  # of the cloud's picture
 LONGEST_PX = 1500  # its longest side; larger maps get larger pixels
-COLORS = {FREE: "#ffffff", OCCUPIED: "#263238", UNKNOWN: "#d6dade"}
 Array = NDArray[np.float64]
 
 
@@ -53,11 +52,12 @@ def trajectory_figure(
 ) -> Figure:
     """The camera's path on the faded grid: accepted loops, and gaps where frames have no pose."""
     path = T_world_camera[:, :2, 3]
-    left, right, bottom, top = _extent(grid)
+    left, right, bottom, top = extent_of(grid)
     (x_min, y_min), (x_max, y_max) = np.nanmin(path, 0) - MARGIN_M, np.nanmax(path, 0) + MARGIN_M
     shown = min(left, x_min), max(right, x_max), min(bottom, y_min), max(top, y_max)
-    figure, axes = _figure(shown, "Trajectory")
-    axes.imshow(_grid_image(grid), origin="lower", extent=_extent(grid), alpha=0.35)
+    figure, axes = map_figure(shown, "Trajectory")
+    axes.set_facecolor(to_rgba(COLORS[UNKNOWN], FADED))
+    axes.imshow(grid_image(grid), origin="lower", extent=extent_of(grid), alpha=FADED)
     axes.set(xlim=shown[:2], ylim=shown[2:])
     for capture in np.unique(odometry.frames.capture):
         _draw_path(axes, path[odometry.frames.capture == capture])
@@ -77,16 +77,16 @@ def trajectory_figure(
         spans = sum(lost for lost, _ in groupby(missing))
         label = f"{missing.sum()} frames without a pose, in {spans} spans"
         entries.append(Line2D([], [], color="#e53935", lw=2, ls=":", label=label))
-    _legend(figure, entries)
+    legend(figure, entries)
     return figure
 
 
 def grid_figure(grid: Grid) -> Figure:
     """The grid, with the area of each state."""
-    figure, axes = _figure(_extent(grid), "Grid")
-    axes.imshow(_grid_image(grid), origin="lower", extent=_extent(grid), interpolation="nearest")
+    figure, axes = map_figure(extent_of(grid), "Grid")
+    axes.imshow(grid_image(grid), origin="lower", extent=extent_of(grid), interpolation="nearest")
     names = {FREE: "free", OCCUPIED: "occupied", UNKNOWN: "unknown"}
-    _legend(
+    legend(
         figure,
         [
             Patch(
@@ -106,21 +106,16 @@ def cloud_figure(cloud: PointCloud) -> Figure:
     shown = PointCloud(cloud.points_world[low], cloud.colors[low])
     title = f"Cloud, up to {CUT_M:g} m above the floor"
     if not len(shown):
-        return _figure((0, 1, 0, 1), title)[0]
+        return map_figure((0, 1, 0, 1), title)[0]
     corner = shown.points_world[:, :2].min(0)
     size_m = shown.points_world[:, :2].max(0) - corner
     pixel_m = max(PIXEL_M, float(size_m.max()) / LONGEST_PX)
     image = seen_from_above(shown, pixel_m)
     x, y = (float(c) for c in corner)
     extent = (x, x + image.shape[1] * pixel_m, y, y + image.shape[0] * pixel_m)
-    figure, axes = _figure(extent, title)
+    figure, axes = map_figure(extent, title)
     axes.imshow(image, origin="lower", extent=extent)
     return figure
-
-
-def _grid_image(grid: Grid) -> Array:
-    palette = np.array([to_rgb(COLORS[state]) for state in (FREE, OCCUPIED, UNKNOWN)])
-    return np.asarray(palette[grid.cells])
 
 
 def _draw_path(axes: Axes, path_xy: Array) -> None:
@@ -133,29 +128,3 @@ def _draw_path(axes: Axes, path_xy: Array) -> None:
     if len(known):
         axes.plot(*path_xy[known[0]], "o", color="#2e7d32", ms=7, zorder=5)
         axes.plot(*path_xy[known[-1]], "s", color="#e65100", ms=6, zorder=5)
-
-
-def _extent(grid: Grid) -> tuple[float, float, float, float]:
-    (x, y), (rows, columns) = grid.origin, grid.cells.shape
-    return x, x + columns * grid.resolution_m, y, y + rows * grid.resolution_m
-
-
-def _figure(extent: tuple[float, float, float, float], title: str) -> tuple[Figure, Axes]:
-    """A figure in the map's proportions, axes in metres, with a scale bar."""
-    width, height = extent[1] - extent[0], extent[3] - extent[2]
-    inches = 10 / max(width, height)
-    size = (max(width * inches, 5) + 0.8, max(height * inches, 2) + 1.3)
-    figure = Figure(size, dpi=150, layout="constrained")
-    axes = figure.add_subplot(title=title, xlabel="x / m", ylabel="y / m", aspect="equal")
-    axes.set(xlim=extent[:2], ylim=extent[2:])
-    axes.spines[["top", "right"]].set_visible(False)
-    bar_m = next(length for length in (5, 2, 1, 0.5, 0.2) if length < width / 4 or length == 0.2)
-    right, above = extent[1], axes.get_xaxis_transform()
-    bar = [right - bar_m, right]
-    axes.plot(bar, [1.02, 1.02], "k|-", ms=6, lw=1.5, transform=above, clip_on=False)
-    axes.text(right - bar_m / 2, 1.03, f"{bar_m:g} m", ha="center", transform=above)
-    return figure, axes
-
-
-def _legend(figure: Figure, entries: Sequence[Artist]) -> None:
-    figure.legend(handles=entries, loc="outside lower center", ncols=3, frameon=False)
