@@ -101,7 +101,9 @@ class MapIndex:
 
     def landmarks_of(self, keyframes: NDArray[np.intp]) -> NDArray[np.int32]:
         """Landmarks that any of the keyframes saw, ascending."""
-        return np.unique(self.sees[rows_of(self.sees_start, keyframes)[1]])
+        seen = np.zeros(len(self.points_world), bool)
+        seen[self.sees[rows_of(self.sees_start, keyframes)[1]]] = True
+        return np.flatnonzero(seen).astype(np.int32)
 
 
 def rows_of(

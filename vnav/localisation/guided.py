@@ -14,7 +14,9 @@ from vnav.localisation.view import View
 Array = NDArray[np.float64]
 Rows = NDArray[np.intp]
 
-KEYFRAMES = 16  # nearest in viewpoint whose landmarks are predicted
+KEYFRAMES = 64  # that share the most of the view: what they saw is predicted
+MAX_ROWS = 10_000  # of descriptors that are looked at
+PROBES = 24  # landmarks of a keyframe that its share is judged by
 MAX_TURN = np.cos(np.deg2rad(45.0))  # between the rays of photo and keyframe: SIFT bears no more
 MAX_OCTAVES = 1.0  # between the distances of photo and keyframe
 PATCH_TURN_RAD = np.deg2rad(30.0)  # of a feature against the predicted orientation
@@ -36,43 +38,72 @@ class Prediction:
     def __len__(self) -> int:
         return len(self.rows)
 
+    def __getitem__(self, chosen: NDArray[np.bool_]) -> "Prediction":
+        """The chosen rows."""
+        return Prediction(self.rows[chosen], self.px[chosen], self.patch_px[chosen])
+
 
 @dataclass(frozen=True)
 class Hits:
-    """Pairs of predicted row (position in the prediction) and feature that agree; (H,)."""
+    """Pairs of predicted row (position in the prediction) and feature that agree; all (H,).
+
+    ``distance``: between descriptors; ``offset_px``: of the feature from its predicted place.
+    """
 
     predicted: Rows
     feature: Rows
     distance: NDArray[np.float32]
+    offset_px: Array
+
+    def __getitem__(self, chosen: NDArray[np.bool_]) -> "Hits":
+        """The chosen pairs."""
+        return Hits(
+            self.predicted[chosen],
+            self.feature[chosen],
+            self.distance[chosen],
+            self.offset_px[chosen],
+        )
 
 
-def predict(view: View, atlas: Atlas, keyframes: Rows) -> Prediction:
-    """What some keyframes saw and the view should see: in the image, and from a like viewpoint."""
+def predict(view: View, atlas: Atlas) -> Prediction:
+    """What the view should see: in the image, and seen by a keyframe from a like viewpoint.
+
+    Where the map knows very much, an even selection of it.
+    """
     index = atlas.index
-    rows = atlas.rows_of(index.landmarks_of(keyframes))
-    points = index.points_world[index.owner[rows]]
-    px, depth = view.project(points)
-    size = view.intrinsics.size
-    inside = (depth > 0) & (px >= 0).all(1) & (px < size).all(1)
-    rows, points, px = rows[inside], points[inside], px[inside]
-    alike = _seen_alike(view, index, rows, points)
-    rows, points, px = rows[alike], points[alike], px[alike]
-    tip, _ = view.project(points + index.patch_world[rows])
-    radius = np.linalg.norm(tip - px, axis=1)
-    fits = (radius > MIN_RADIUS_PX) & (radius < max(size) / 4)
-    return Prediction(rows[fits], px[fits], (tip - px)[fits])
+    rows = atlas.rows_of(index.landmarks_of(keyframes_around(view, index)))
+    rows = rows[:: 1 + len(rows) // MAX_ROWS]
+    rows = rows[_inside(view, index.points_world[index.owner[rows]])]
+    which, keyframe = index.keyframes_of(index.owner[rows])
+    points = index.points_world[index.owner[rows]][which]
+    alike = _alike(view, points, index.T_world_keyframe[keyframe, :3, 3])
+    rows = rows[np.bincount(which[alike], minlength=len(rows)) > 0]
+    return reprojected(rows, view, atlas)
 
 
-def keyframes_around(view: View, landmarks: NDArray[np.int32], index: MapIndex) -> Rows:
-    """The keyframes nearest in viewpoint, of those beside any that sees the landmarks."""
-    seeing = np.unique(index.keyframes_of(landmarks)[1])
-    candidates = np.flatnonzero(index.beside[seeing].any(0))
-    T_world_camera = view.T_world_camera
-    away = index.T_world_keyframe[candidates, :3, 3] - T_world_camera[:3, 3]
-    depth = np.median(view.project(index.points_world[landmarks])[1])
-    turn = 1 - index.T_world_keyframe[candidates, :3, 2] @ T_world_camera[:3, 2]
-    difference = np.linalg.norm(away, axis=1) / max(depth, 0.1) + turn
-    return candidates[np.argsort(difference, kind="stable")[:KEYFRAMES]]
+def reprojected(rows: Rows, view: View, atlas: Atlas) -> Prediction:
+    """Where a view sees the landmarks of some rows: those in the image, large enough for SIFT."""
+    points = atlas.index.points_world[atlas.index.owner[rows]]
+    px, _ = view.project(points)
+    tip, _ = view.project(points + atlas.index.patch_world[rows])
+    prediction = Prediction(rows, px, tip - px)
+    radius = np.linalg.norm(prediction.patch_px, axis=1)
+    fits = (radius > MIN_RADIUS_PX) & (radius < max(view.intrinsics.size) / 4)
+    return prediction[fits & _inside(view, points)]
+
+
+def keyframes_around(view: View, index: MapIndex) -> Rows:
+    """The keyframes that share the most of the view, judged by a few landmarks of each."""
+    start, end = index.sees_start[:-1], index.sees_start[1:]
+    step = np.maximum((end - start) // PROBES, 1)[:, None]
+    probe = np.minimum(start[:, None] + step * np.arange(PROBES), end[:, None] - 1)
+    keyframe = np.repeat(np.arange(index.keyframes), PROBES)
+    points = index.points_world[index.sees[probe.ravel()]]
+    shared = _inside(view, points)
+    shared[shared] = _alike(view, points[shared], index.T_world_keyframe[keyframe[shared], :3, 3])
+    count = np.bincount(keyframe[shared], minlength=index.keyframes) * (end > start)
+    best = np.argsort(-count, kind="stable")[:KEYFRAMES]
+    return best[count[best] > 0]
 
 
 def hits(prediction: Prediction, photo: Photo, atlas: Atlas, radius_px: float) -> Hits:
@@ -87,8 +118,8 @@ def hits(prediction: Prediction, photo: Photo, atlas: Atlas, radius_px: float) -
     difference = atlas.index.descriptors[prediction.rows[p]].astype(np.float32)
     difference -= photo.features.descriptors[f]
     distance = np.sqrt(np.einsum("ij,ij->i", difference, difference))
-    alike = distance < atlas.index.stranger
-    return Hits(p[alike], f[alike], distance[alike])
+    offset = np.linalg.norm(photo.features.keypoints_px[f] - prediction.px[p], axis=1)
+    return Hits(p, f, distance, offset)[distance < atlas.index.stranger]
 
 
 def matched(hits: Hits, prediction: Prediction, atlas: Atlas) -> Matches:
@@ -97,16 +128,16 @@ def matched(hits: Hits, prediction: Prediction, atlas: Atlas) -> Matches:
     return Matches(hits.feature, rows, atlas.index.owner[rows], hits.distance).one_to_one()
 
 
-def _seen_alike(
-    view: View, index: MapIndex, rows: Rows, points: NDArray[np.float32]
-) -> NDArray[np.bool_]:
-    """Which points some keyframe saw from a like direction and distance."""
-    which, keyframe = index.keyframes_of(index.owner[rows])
-    ours = (view.centre_world - points)[which]
-    theirs = index.T_world_keyframe[keyframe, :3, 3] - points[which]
+def _inside(view: View, points: NDArray[np.float32]) -> NDArray[np.bool_]:
+    """Which points (N, 3) project into the image."""
+    px, depth = view.project(points)
+    return np.asarray((depth > 0) & (px >= 0).all(1) & (px < view.intrinsics.size).all(1))
+
+
+def _alike(view: View, points: NDArray[np.float32], centres: Array) -> NDArray[np.bool_]:
+    """Which points (N, 3) a camera at its centre (N, 3) sees from a like direction and distance."""
+    ours, theirs = view.centre_world - points, centres - points
     our_distance, their_distance = np.linalg.norm(ours, axis=1), np.linalg.norm(theirs, axis=1)
     cosine = np.einsum("ij,ij->i", ours, theirs) / (our_distance * their_distance)
     octaves = np.abs(np.log2(our_distance / their_distance))
-    alike = np.zeros(len(rows), bool)
-    alike[which[(cosine > MAX_TURN) & (octaves < MAX_OCTAVES)]] = True
-    return alike
+    return np.asarray((cosine > MAX_TURN) & (octaves < MAX_OCTAVES))

@@ -10,21 +10,21 @@ from vnav.core import se3
 from vnav.core.frame import Rejected
 from vnav.localisation.atlas import Atlas
 from vnav.localisation.evidence import evidence
-from vnav.localisation.guided import hits, keyframes_around, matched, predict
+from vnav.localisation.guided import hits, matched, predict, reprojected
 from vnav.localisation.matches import Matches
 from vnav.localisation.photo import Photo
 from vnav.localisation.places import Place, places
-from vnav.localisation.ransac import Consensus, consensus
+from vnav.localisation.ransac import Consensus, Terms, consensus
 from vnav.localisation.refine import Sightings, refine
 from vnav.localisation.search import completed, seeds
 from vnav.localisation.view import View
 
 Array = NDArray[np.float64]
 
-LEAST = 4  # matches that a pose can be tried with
+LEAST = 5  # matches that a pose can be tried with
 ATTEMPTS = 2  # poses sought in one place: repeated things in one view give several
 RIVAL_SHARE = 0.2  # of the best consensus; a smaller one is not verified
-GUIDED_RADII = (2.0, 1.0)  # of the reprojection threshold
+FIRST_RADIUS, LAST_RADIUS = 3.0, 2.0  # of guided matching, in reprojection thresholds
 SAME_PLACE_M, SAME_PLACE_RAD = 0.25, np.deg2rad(10.0)
 
 
@@ -78,33 +78,36 @@ def _hypotheses(
     rng: np.random.Generator,
 ) -> list[Hypothesis]:
     """The verified poses of all places, the strongest first."""
-    tried: list[tuple[Consensus, Matches]] = []
+    tried: list[Consensus] = []
     for place in candidates:
         matches = completed(place.matches, photo, atlas, config)
         for _ in range(ATTEMPTS):
-            matches = _unexplained(matches, photo, atlas, [c.view for c, _ in tried], config)
-            if len(matches) < LEAST:
+            fullest = max((int(c.inliers.sum()) for c in tried), default=0)
+            least = max(LEAST, int(RIVAL_SHARE * fullest))
+            matches = _unexplained(matches, photo, atlas, [c.view for c in tried], config)
+            agreed = _consensus(matches, photo, atlas, config, least, rng)
+            if agreed is None:
                 break
-            agreed = _consensus(matches, photo, atlas, config, rng)
-            if agreed is None or agreed.inliers.sum() < LEAST:
-                break
-            tried.append((agreed, matches[agreed.inliers]))
-    tried.sort(key=lambda t: -len(t[1]))
-    verified = [
-        _verified(agreed.view, matches, photo, atlas, config)
-        for agreed, matches in tried
-        if len(matches) >= RIVAL_SHARE * len(tried[0][1])
-    ]
+            tried.append(agreed)
+    tried.sort(key=lambda c: -int(c.inliers.sum()))
+    least = int(RIVAL_SHARE * tried[0].inliers.sum()) if tried else 0
+    views = [c.view for c in tried if c.inliers.sum() >= least]
+    verified = [_verified(view, photo, atlas, config) for view in views]
     return sorted((h for h in verified if h is not None), key=lambda h: -h.evidence)
 
 
 def _consensus(
-    matches: Matches, photo: Photo, atlas: Atlas, config: LocateConfig, rng: np.random.Generator
+    matches: Matches,
+    photo: Photo,
+    atlas: Atlas,
+    config: LocateConfig,
+    least: int,
+    rng: np.random.Generator,
 ) -> Consensus | None:
-    guess = View(np.eye(4), photo.intrinsics)
-    seen = _sightings(matches, guess, photo, atlas, config)
+    seen = _sightings(matches, View(np.eye(4), photo.intrinsics), photo, atlas, config)
     threshold = config.ransac_threshold_px * photo.pixel
-    return consensus(photo.intrinsics, photo.known, seen, threshold, config, rng)
+    terms = Terms(threshold, least, config.ransac_iterations, config.solver)
+    return consensus(photo.intrinsics, photo.known, seen, terms, rng)
 
 
 def _unexplained(
@@ -120,23 +123,24 @@ def _unexplained(
 
 
 def _verified(
-    view: View, matches: Matches, photo: Photo, atlas: Atlas, config: LocateConfig
+    view: View, photo: Photo, atlas: Atlas, config: LocateConfig
 ) -> Hypothesis | None:
     """The pose after guided matching of what the map predicts, None where that finds too little."""
-    keyframes = keyframes_around(view, matches.landmark, atlas.index)
-    for radius in GUIDED_RADII:
-        prediction = predict(view, atlas, keyframes)
-        found = hits(prediction, photo, atlas, radius * config.ransac_threshold_px * photo.pixel)
-        matches = matched(found, prediction, atlas)
-        if len(matches) < config.min_inliers:
-            return None
-        refined = refine(view, _sightings(matches, view, photo, atlas, config), not photo.known)
-        view = refined.view
-    likelihood = evidence(prediction, found, view.intrinsics.size)
-    points, px = _seen(matches, photo, atlas)
-    threshold = config.ransac_threshold_px * photo.pixel
-    matches = matches[view.squared_errors(points, px) < threshold**2]
-    return Hypothesis(view, refined.covariance, matches, len(prediction), likelihood)
+    near = config.ransac_threshold_px * photo.pixel
+    prediction = predict(view, atlas)
+    found = hits(prediction, photo, atlas, FIRST_RADIUS * near)
+    matches = matched(found, prediction, atlas)
+    if len(matches) < config.min_inliers:
+        return None
+    view = refine(view, _sightings(matches, view, photo, atlas, config), not photo.known).view
+    prediction = reprojected(prediction.rows, view, atlas)
+    found = hits(prediction, photo, atlas, LAST_RADIUS * near)
+    matches = matched(found, prediction, atlas)
+    if len(matches) < config.min_inliers:
+        return None
+    refined = refine(view, _sightings(matches, view, photo, atlas, config), not photo.known)
+    strength = evidence(prediction, found, photo)
+    return Hypothesis(refined.view, refined.covariance, matches, len(prediction), strength)
 
 
 def _verdict(

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
-POLISHING = 3  # Gauss-Newton steps on the depths
+POLISHING = 2  # Gauss-Newton steps on the depths
 
 
 def p3p(rays: Array, points_world: Array) -> Array:
@@ -61,8 +61,7 @@ def _degenerate_member(D1: Array, D2: Array) -> Array:
 
 def _adjugate(D: Array) -> Array:
     """Adjugates (S, 3, 3) of matrices: their inverse times their determinant."""
-    r = [D[:, k] for k in range(3)]
-    return np.stack([np.cross(r[1], r[2]), np.cross(r[2], r[0]), np.cross(r[0], r[1])], -1)
+    return _cross(D[:, [1, 2, 0]], D[:, [2, 0, 1]]).swapaxes(1, 2)
 
 
 def _real_root(c2: Array, c1: Array, c0: Array) -> Array:
@@ -132,10 +131,15 @@ def _poses(points_camera: Array, points_world: Array) -> Array:
     return np.concatenate([R, t[..., None]], -1)
 
 
+def _cross(a: Array, b: Array) -> Array:
+    """Cross products (..., 3); several times faster than numpy's."""
+    return a[..., [1, 2, 0]] * b[..., [2, 0, 1]] - a[..., [2, 0, 1]] * b[..., [1, 2, 0]]
+
+
 def _basis(points: Array) -> Array:
     """Orthonormal axes, as columns, of the triangles (H, 3, 3)."""
     x = points[:, 1] - points[:, 0]
     x = x / np.linalg.norm(x, axis=1, keepdims=True)
-    z = np.cross(x, points[:, 2] - points[:, 0])
+    z = _cross(x, points[:, 2] - points[:, 0])
     z = z / np.linalg.norm(z, axis=1, keepdims=True)
-    return np.stack([x, np.cross(z, x), z], -1)
+    return np.stack([x, _cross(z, x), z], -1)

@@ -45,24 +45,22 @@ class Photo:
         return max(self.intrinsics.size) / 640
 
     def near(self, px: NDArray[np.float64], radius_px: float) -> tuple[Rows, Rows]:
-        """Pairs: row of ``px`` (P, 2) and feature within the radius of it."""
-        edge = max(radius_px, 1.0)
-        columns = int(self.intrinsics.width / edge) + 4
-        cell = np.floor(self.features.keypoints_px / edge).astype(np.intp) + 1
-        flat = cell[:, 1] * columns + cell[:, 0]
-        order = np.argsort(flat, kind="stable")
-        flat = flat[order]
-        centre = np.floor(px / edge).astype(np.intp) + 1
-        pairs = []
-        for below in (-1, 0, 1):
-            first = (centre[:, 1] + below) * columns + centre[:, 0] - 1
-            begin, end = np.searchsorted(flat, first), np.searchsorted(flat, first + 3)
-            pairs.append(ranges(begin, end))
-        source = np.concatenate([p[0] for p in pairs])
-        feature = order[np.concatenate([p[1] for p in pairs])]
-        offset = self.features.keypoints_px[feature] - px[source]
-        close = (offset**2).sum(1) < radius_px**2
-        return source[close], feature[close]
+        """Pairs: row of ``px`` (P, 2), in the image, and a feature within the radius of it."""
+        columns, rows = (int(extent / radius_px) + 3 for extent in self.intrinsics.size)
+        cell = np.floor(self.features.keypoints_px / radius_px).astype(np.intp) + 1
+        cell = cell.clip(1, [columns - 2, rows - 2])
+        bucket = cell[:, 1] * columns + cell[:, 0]
+        order = np.argsort(bucket, kind="stable")
+        start = np.append(0, np.cumsum(np.bincount(bucket, minlength=columns * rows)))
+        centre = np.floor(px / radius_px).astype(np.intp) + 1
+        centre = centre[:, 1] * columns + centre[:, 0]
+        # Three cells side by side are one run of the sorted features.
+        first = (centre[:, None] + columns * np.array([-1, 0, 1])).ravel()
+        source, place = ranges(start[first - 1], start[first + 2])
+        feature = order[place]
+        offset = self.features.keypoints_px[feature] - px[source // 3]
+        close = np.einsum("ij,ij->i", offset, offset) < radius_px**2
+        return source[close] // 3, feature[close]
 
 
 def prepare(

@@ -10,7 +10,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from vnav.config import LocateConfig
 from vnav.core.camera import Intrinsics
 from vnav.localisation.dlt import dlt, focal_of, poses_of
 from vnav.localisation.p3p import p3p
@@ -19,10 +18,20 @@ from vnav.localisation.view import View
 
 Array = NDArray[np.float64]
 
-BATCH = 64  # minimal sets solved at once
+BATCH = 128  # minimal sets solved at once
 CONFIDENCE = 0.999  # that one set of inliers alone was drawn
 LOCAL_ROUNDS = 2  # refinements on the inliers of the best hypothesis
 FOCAL_LADDER = np.geomspace(0.5, 2.0, 7)  # of the first guess, where the focal length is unknown
+
+
+@dataclass(frozen=True)
+class Terms:
+    """What counts as agreement, how many must agree, and how long to try."""
+
+    threshold_px: float
+    least: int
+    iterations: int
+    solver: str
 
 
 @dataclass(frozen=True)
@@ -37,28 +46,28 @@ def consensus(
     guess: Intrinsics,
     known: bool,
     seen: Sightings,
-    threshold_px: float,
-    config: LocateConfig,
+    terms: Terms,
     rng: np.random.Generator,
 ) -> Consensus | None:
-    """The view that most sightings, the best of them first, agree with; None below four."""
+    """The view that most sightings, the best of them first, agree with; None where too few do."""
     best: View | None = None
-    best_score, drawn, needed = np.inf, 0, config.ransac_iterations
-    while drawn < needed and len(seen.px) >= 4:
-        poses, focal = _hypotheses(guess, known, seen, config.solver, rng)
+    size = 3 if known and terms.solver != "dlt" else 6
+    needed = min(terms.iterations, _draws(terms.least / max(len(seen.px), 1), size))
+    best_score, drawn = np.inf, 0
+    while drawn < needed and len(seen.px) >= terms.least:
+        poses, focal = _hypotheses(guess, known, seen, terms.solver, rng)
         drawn += BATCH
         if not len(poses):
             continue
-        errors = _errors(poses, focal, guess, seen) / threshold_px**2
+        errors = _errors(poses, focal, guess, seen) / terms.threshold_px**2
         score = np.minimum(errors, 1).sum(1)
         k = int(score.argmin())
         if score[k] < best_score:
             best, best_score = _view(poses[k], focal[k], guess), score[k]
-            size = 3 if known and config.solver != "dlt" else 6
-            needed = min(config.ransac_iterations, _draws((errors[k] < 1).mean(), size))
+            needed = min(needed, _draws((errors[k] < 1).mean(), size))
     if best is None:
         return None
-    return _locally_optimised(best, known, seen, threshold_px)
+    return _locally_optimised(best, known, seen, terms)
 
 
 def _draws(inlier_share: float, size: int) -> int:
@@ -67,13 +76,21 @@ def _draws(inlier_share: float, size: int) -> int:
     return int(np.ceil(np.log(1 - CONFIDENCE) / np.log(1 - clean)))
 
 
-def _locally_optimised(view: View, known: bool, seen: Sightings, threshold_px: float) -> Consensus:
+def _locally_optimised(
+    view: View, known: bool, seen: Sightings, terms: Terms
+) -> Consensus | None:
+    """The best hypothesis refined on its inliers, None where too few remain."""
+    inliers = _agreeing(view, seen, terms)
     for _ in range(LOCAL_ROUNDS):
-        inliers = view.squared_errors(seen.points_world, seen.px) < threshold_px**2
-        if inliers.sum() < (3 if known else 4):
-            break
+        if inliers.sum() < terms.least:
+            return None
         view = refine(view, seen[inliers], not known).view
-    return Consensus(view, view.squared_errors(seen.points_world, seen.px) < threshold_px**2)
+        inliers = _agreeing(view, seen, terms)
+    return Consensus(view, inliers) if inliers.sum() >= terms.least else None
+
+
+def _agreeing(view: View, seen: Sightings, terms: Terms) -> NDArray[np.bool_]:
+    return np.asarray(view.squared_errors(seen.points_world, seen.px) < terms.threshold_px**2)
 
 
 def _hypotheses(

@@ -69,21 +69,25 @@ def refine(view: View, seen: Sightings, with_focal: bool) -> Refined:
 
 
 def _linearised(view: View, seen: Sightings, with_focal: bool) -> tuple[Array, Array]:
-    """Residuals (N, 2) over their standard deviation, and their Jacobian (N, 2, 6 or 7)."""
+    """Residuals (N, 2) over their standard deviation, and their Jacobian (N, 2, 6 or 7).
+
+    ``T_world_camera @ exp(xi)`` moves a point p in the camera by hat(p) rotation - translation.
+    """
     k = view.intrinsics
     p = se3.transform(view.T_camera_world, seen.points_world)
-    z = np.maximum(p[:, 2], MIN_DEPTH_M)
-    u, v = k.fx * p[:, 0] / z, k.fy * p[:, 1] / z
-    r = np.stack([u + k.cx - seen.px[:, 0], v + k.cy - seen.px[:, 1]], 1)
-    to_px = np.zeros((len(p), 2, 3))
-    to_px[:, 0, 0], to_px[:, 0, 2] = k.fx / z, -u / z
-    to_px[:, 1, 1], to_px[:, 1, 2] = k.fy / z, -v / z
-    # T_world_camera @ exp(xi) moves a point in the camera by hat(p) @ rotation - translation.
-    blocks = [to_px @ se3.hat(p), -to_px]
+    inverse_z = 1 / np.maximum(p[:, 2], MIN_DEPTH_M)
+    x, y = p[:, 0] * inverse_z, p[:, 1] * inverse_z
+    r = np.stack([k.fx * x + k.cx - seen.px[:, 0], k.fy * y + k.cy - seen.px[:, 1]], 1)
+    J = np.zeros((len(p), 2, 7 if with_focal else 6))
+    J[:, 0, 0], J[:, 0, 1], J[:, 0, 2] = x * y, -1 - x * x, y
+    J[:, 1, 0], J[:, 1, 1], J[:, 1, 2] = 1 + y * y, -x * y, -x
+    J[:, 0, 3], J[:, 0, 5] = -inverse_z, x * inverse_z
+    J[:, 1, 4], J[:, 1, 5] = -inverse_z, y * inverse_z
     if with_focal:
-        blocks.append(np.stack([u, v], 1)[..., None])
+        J[:, 0, 6], J[:, 1, 6] = x, y
     weight = 1 / np.sqrt(seen.variance_px2)
-    return np.concatenate(blocks, 2) * weight[:, None, None], r * weight[:, None]
+    J *= np.stack([k.fx * weight, k.fy * weight], 1)[..., None]
+    return J, r * weight[:, None]
 
 
 def _normal(J: Array, r: Array) -> tuple[Array, Array]:
