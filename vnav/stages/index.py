@@ -1,0 +1,57 @@
+"""The index stage: landmarks, words and visibility, made ready for finding photos."""
+
+import time
+
+import numpy as np
+
+from vnav.config import Config
+from vnav.core.mapping import Odometry, OptimisedMap
+from vnav.core.progress import Progress, silent
+from vnav.core.report import Report
+from vnav.io.artifacts import load_odometry, load_optimised, map_camera
+from vnav.io.index_file import write_index
+from vnav.io.map_folder import MapFolder
+from vnav.io.tree_file import load_tree
+from vnav.localisation.indexing import MappedKeyframe, build
+from vnav.stages.common import finished, reused, settings_of
+
+STAGE = "index"
+
+
+def run(folder: MapFolder, config: Config, *, progress: Progress = silent) -> Report:
+    """Index the map's landmarks by the words of their descriptors; writes index/index.npz."""
+    started = time.monotonic()
+    settings = settings_of(config, STAGE)
+    inputs = folder.inputs_of("odometry", "vocabulary", "optimise")
+    if folder.is_current(STAGE, settings, inputs):
+        return reused(folder, STAGE)
+    odometry, optimised, tree = load_odometry(folder), load_optimised(folder), load_tree(folder)
+    keyframes = _mapped(folder, odometry, optimised)
+
+    progress(STAGE, 0, 1)
+    rng = np.random.default_rng([config.seed, 3])
+    index = build(optimised.landmarks, keyframes, tree, config.index, rng)
+    progress(STAGE, 1, 1)
+
+    with folder.writing(STAGE, settings, inputs) as draft:
+        write_index(draft, index)
+
+    values = {"landmarks": len(index.points_world), "descriptors": len(index.descriptors)}
+    line = f"{values['landmarks']} landmarks under {values['descriptors']} descriptors"
+    return finished(folder, Report(STAGE, values, (line,)), started)
+
+
+def _mapped(
+    folder: MapFolder, odometry: Odometry, optimised: OptimisedMap
+) -> list[MappedKeyframe]:
+    cameras = [map_camera(folder, k) for k in range(len(folder.captures))]
+    places = zip(odometry.keyframes, optimised.keyframe_covariance, strict=True)
+    return [
+        MappedKeyframe(
+            keyframe,
+            optimised.T_world_camera[keyframe.row],
+            covariance,
+            cameras[odometry.frames.capture[keyframe.row]],
+        )
+        for keyframe, covariance in places
+    ]
