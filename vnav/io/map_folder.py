@@ -132,6 +132,11 @@ class MapFolder:
                 )
         return folder
 
+    def settings(self, stage: str) -> dict[str, Any]:
+        """What a finished stage was made with: the seed, and its sections of the configuration."""
+        settings: dict[str, Any] = _read_json(self.stage(stage) / "stage.json")["settings"]
+        return settings
+
     def has(self, stage: str) -> bool:
         """Whether a stage is finished and its inputs are those it was made from."""
         try:
