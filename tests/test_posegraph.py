@@ -133,6 +133,15 @@ def test_wrong_closures_do_not_survive_where_most_are_wrong() -> None:
     assert graph.kept[len(false) :].all()
 
 
+def test_a_lower_limit_refuses_what_a_higher_one_keeps() -> None:
+    # Right closures lie about one sigma off, hardly one of them less than a fifth.
+    T, rng = walk(2 * LAP), np.random.default_rng(16)
+    edges, closures = steps(T, rng), laps(T, rng)
+    initial = chained(len(T), edges)
+    assert posegraph.optimise(initial, edges, closures, MAX_SIGMAS).kept.all()
+    assert posegraph.optimise(initial, edges, closures, 0.2).kept.mean() < 0.5
+
+
 def test_true_closures_survive_a_drift_that_always_goes_one_way() -> None:
     # A wrong focal length bends every step by one sigma to the same side: 5 degrees a lap, 40
     # sigmas of a closure, and yet no edge is off by more than two.
