@@ -85,7 +85,7 @@ def _search(
     f = _START + _heuristic(start // width, start % width, to_goal)
     table[start, _G] = _START
     _push(table, heads, start, f)
-    queued, expanded, best = 1, 0, np.int64(0)
+    queued, expanded, best = 1, 0, np.int64(table[goal, _G])
     while queued > 0 and f < best:
         node = np.int64(heads[np.uint64(f & (len(heads) - 1))])
         if node == 0:

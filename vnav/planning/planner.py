@@ -89,7 +89,7 @@ def _remedy(grid: Grid, ends: tuple[Point, Point], uncertainty_m: float, config:
         ({"allow_unknown": True}, "; there is a way through unknown space (--allow-unknown)"),
         (
             {"robot_radius_m": 0.0},
-            f"; it is too narrow for a radius of {config.robot_radius_m:g} m",
+            f"; a robot of less radius than {config.robot_radius_m:g} m could do it",
         ),
     ):
         other = costmap(grid, uncertainty_m, dataclasses.replace(config, **change))
