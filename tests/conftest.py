@@ -106,3 +106,20 @@ def fused_map(tmp_path_factory: pytest.TempPathFactory, posed_map: Path) -> Path
     shutil.copytree(posed_map, root)
     fuse.run(MapFolder(root), Config())
     return root
+
+
+@pytest.fixture(scope="session")
+def whole_map(tmp_path_factory: pytest.TempPathFactory, tiny_capture: Path, tiny_map: Path) -> Path:
+    """The stages' own map of that room, finished."""
+    import shutil
+
+    from vnav.config import CaptureConfig, Config, FeaturesConfig
+    from vnav.io.capture import open_capture
+    from vnav.io.map_folder import MapFolder
+    from vnav.stages.build_map import build_map
+
+    root = tmp_path_factory.mktemp("maps") / "whole"
+    shutil.copytree(tiny_map, root)
+    config = Config(features=FeaturesConfig(max_features=700))
+    build_map(MapFolder(root), [open_capture(tiny_capture, CaptureConfig())], config)
+    return root

@@ -1,0 +1,52 @@
+"""No command imports a heavy library before it needs it."""
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+HEAVY = {"open3d", "sklearn", "gtsam", "octomap", "matplotlib", "numba", "scipy", "cv2"}
+
+PROBE = """
+import json, sys
+from vnav.cli.main import main
+sys.argv = ["vnav", *sys.argv[1:]]
+try:
+    code = main()
+except SystemExit as end:
+    code = end.code
+json.dump({"code": code or 0, "modules": [m for m in sys.modules if "." not in m]}, sys.stderr)
+"""
+
+
+def loaded(*arguments: object, cwd: Path) -> set[str]:
+    """The heavy libraries that a command which succeeds has loaded at its end."""
+    done = subprocess.run(
+        [sys.executable, "-P", "-c", PROBE, *map(str, arguments)],
+        cwd=cwd,
+        text=True,
+        capture_output=True,
+    )
+    said = json.loads(done.stderr[done.stderr.rindex('{"code"') :])
+    assert said["code"] == 0, done.stdout + done.stderr
+    return HEAVY & set(said["modules"])
+
+
+@pytest.mark.parametrize("arguments", [["--help"], ["--version"], ["locate", "--help"]])
+def test_help_loads_no_heavy_library(arguments: list[str], tmp_path: Path) -> None:
+    assert loaded(*arguments, cwd=tmp_path) == set()
+
+
+def test_locate_loads_neither_open3d_nor_sklearn(whole_map: Path, tiny_capture: Path) -> None:
+    photo = tiny_capture / "photos" / "000.jpg"
+    heavy = loaded("locate", photo, "--map", whole_map, cwd=whole_map)
+    assert not heavy & {"open3d", "sklearn", "matplotlib", "numba", "octomap"}
+
+
+def test_plan_loads_neither_open3d_nor_sklearn(whole_map: Path, tiny_capture: Path) -> None:
+    photos = tiny_capture / "photos"
+    start, goal = photos / "000.jpg", photos / "001.jpg"
+    heavy = loaded("plan", "--from", start, "--to", goal, "--map", whole_map, cwd=whole_map)
+    assert not heavy & {"open3d", "sklearn", "octomap"}
