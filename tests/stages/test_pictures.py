@@ -41,9 +41,9 @@ def test_the_trajectory_counts_keyframes_loops_and_frames_without_a_pose(fused_m
         load_loops(folder),
     )
     legend = legend_of(figure)
-    assert "12 keyframes" in legend
-    assert "1 accepted loops" in legend
-    assert "1 frames without a pose, in 1 spans" in legend
+    assert "keyframes (12)" in legend
+    assert "accepted loops (1)" in legend
+    assert "frames without a pose (1)" in legend
 
 
 def test_a_path_beyond_the_grid_is_shown_whole(fused_map: Path) -> None:

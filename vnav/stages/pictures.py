@@ -1,6 +1,5 @@
 """Pictures of a map from above, in its reports/: trajectory, grid and cloud."""
 
-from itertools import groupby
 from pathlib import Path
 
 import numpy as np
@@ -67,15 +66,14 @@ def trajectory_figure(
     axes.plot(*path[rows].T, ".", color="#0d47a1", ms=3)
     entries = [
         Line2D([], [], color="#1e88e5", lw=2, label="camera, frame by frame"),
-        Line2D([], [], color="#0d47a1", ls="", marker=".", label=f"{len(rows)} keyframes"),
-        Line2D([], [], color="#8e24aa", lw=1, label=f"{len(ends)} accepted loops"),
+        Line2D([], [], color="#0d47a1", ls="", marker=".", label=f"keyframes ({len(rows)})"),
+        Line2D([], [], color="#8e24aa", lw=1, label=f"accepted loops ({len(ends)})"),
         Line2D([], [], color="#2e7d32", ls="", marker="o", label="start"),
         Line2D([], [], color="#e65100", ls="", marker="s", label="end"),
     ]
     missing = ~np.isfinite(path[:, 0])
     if missing.any():
-        spans = sum(lost for lost, _ in groupby(missing))
-        label = f"{missing.sum()} frames without a pose, in {spans} spans"
+        label = f"frames without a pose ({missing.sum()})"
         entries.append(Line2D([], [], color="#e53935", lw=2, ls=":", label=label))
     legend(figure, entries)
     return figure
