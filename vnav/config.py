@@ -128,6 +128,7 @@ class IndexConfig:
 class LocateConfig:
     """Active search and the pose of a photo."""
 
+    max_size_px: int = 1600  # the longer side of a photo; larger ones are scaled down
     max_features: int = 3000
     min_features: int = 30
     level_2d_3d: int = 4  # counted from the root = 0, clamped to the tree

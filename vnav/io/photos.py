@@ -1,121 +1,98 @@
-"""Photos that are asked about: any size and format, and the camera that took them."""
+"""Photos: their pixels, and the camera that may have taken them."""
 
-from dataclasses import dataclass, replace
+from collections.abc import Iterable
+from dataclasses import dataclass
 from pathlib import Path
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from vnav.core.camera import Intrinsics
-from vnav.errors import CaptureError, PhotoError
+from vnav.errors import CameraError, CaptureError, PhotoError
 from vnav.io.camera_file import read_color
+from vnav.io.exif import read_exif
 from vnav.io.images import read_image
 
-LARGEST_PX = 1600  # of the longer side; larger photos are scaled down before features are found
-GUESSED_FOCAL = 1.0  # of the longer side: a phone's wide lens has 0.75, a long one 1.5
-FILM_WIDTH_MM = 36.0
-SUFFIXES = {".jpg", ".jpeg", ".png", ".bmp", ".tif", ".tiff", ".webp"}
+SUFFIXES = (".jpg", ".jpeg", ".png", ".bmp", ".tif", ".tiff", ".webp")
+AUTO = "auto"  # what --camera says where the focal length is to be estimated
+EXIF_SIGMA = 0.05  # relative; EXIF rounds to millimetres, and phones crop
+USUAL_FOCAL = 0.8  # of the longer side: 64 degrees of view; only where search starts
 
 
 @dataclass(frozen=True)
-class PhotoFile:
-    """A photo as features are sought in it.
+class PhotoCamera:
+    """The intrinsics to start from, where they come from, and how well the focal length is known.
 
-    ``color`` (H, W, 3) uint8 RGB, upright; ``intrinsics`` of that image; ``source``: "camera",
-    "camera.toml", "exif", "map" (assumed, as the size is the same) or "auto" (a guess to be
-    estimated). ``scale``: its size as a share of the file's.
+    ``focal_sigma``: its relative standard deviation; 0 exact, inf not known at all.
     """
 
-    path: Path
-    color: NDArray[np.uint8]
     intrinsics: Intrinsics
     source: str
-    scale: float
-
-    @property
-    def is_known(self) -> bool:
-        """Whether the intrinsics are more than a guess."""
-        return self.source != "auto"
+    focal_sigma: float
 
 
-def read_photo(path: Path, camera: str | None, map_camera: Intrinsics) -> PhotoFile:
-    """A photo and its camera; PhotoError where it is no image.
-
-    The camera is ``camera`` (a camera.toml, or "auto"), else the camera.toml beside the photo, else
-    its EXIF, else the map's where the size is the same, else unknown.
-    """
+def read_photo(path: Path) -> NDArray[np.uint8]:
+    """A photo (H, W, 3) uint8, RGB, upright by its EXIF; PhotoError where it cannot be read."""
     try:
-        color = read_image(path)
+        return read_image(path)
     except CaptureError as error:
-        raise PhotoError(f"{error}; give a photo as JPEG, PNG, TIFF, BMP or WebP") from error
-    height, width = color.shape[:2]
-    intrinsics, source = _camera_of(path, (width, height), camera, map_camera)
-    scale = min(1.0, LARGEST_PX / max(width, height))
-    if scale < 1:
-        size = round(width * scale), round(height * scale)
-        color = np.asarray(cv2.resize(color, size, interpolation=cv2.INTER_AREA), np.uint8)
-        intrinsics = intrinsics.scaled(*size)
-    return PhotoFile(path, color, intrinsics, source, scale)
+        raise PhotoError(f"{error}; photos are read as JPEG or PNG, convert others") from error
 
 
-def photos_in(paths: tuple[Path, ...]) -> list[Path]:
-    """The files named, and all photos in the folders named; PhotoError where a folder has none."""
-    photos: list[Path] = []
+def find_photos(paths: Iterable[Path]) -> list[Path]:
+    """Files as given, and the images of folders in order of name; PhotoError for an empty one."""
+    found: list[Path] = []
     for path in paths:
         if not path.is_dir():
-            photos.append(path)
+            found.append(path)
             continue
-        inside = sorted(p for p in path.iterdir() if p.suffix.lower() in SUFFIXES)
-        if not inside:
-            raise PhotoError(f"expected photos in {path}, found none; name files or another folder")
-        photos += inside
-    return photos
+        images = sorted(p for p in path.iterdir() if p.suffix.lower() in SUFFIXES)
+        if not images:
+            raise PhotoError(f"expected photos in the folder {path}, found none; name another")
+        found += images
+    return found
 
 
-def _camera_of(
-    path: Path, size: tuple[int, int], camera: str | None, map_camera: Intrinsics
-) -> tuple[Intrinsics, str]:
-    if camera == "auto":
-        return _guessed(size), "auto"
-    if camera is not None:
-        return _of_size(read_color(Path(camera)), size, Path(camera)), "camera"
+def photo_camera(
+    path: Path, size: tuple[int, int], camera: Path | str | None, of_map: Intrinsics
+) -> PhotoCamera:
+    """The camera of a photo of this size (width, height).
+
+    ``camera``: a camera.toml, "auto", or None. Without it: camera.toml beside the photo, EXIF,
+    the map's camera if the size is the same, else not known. CameraError where a camera.toml does
+    not fit the photo.
+    """
     beside = path.parent / "camera.toml"
-    if beside.is_file():
-        return _of_size(read_color(beside), size, beside), "camera.toml"
-    focal = _exif_focal(path, max(size))
-    if focal is not None:
-        return replace(_guessed(size), fx=focal, fy=focal), "exif"
-    if size == map_camera.size:
-        return map_camera, "map"
-    return _guessed(size), "auto"
+    if camera is None and beside.is_file():
+        camera = beside
+    if camera == AUTO:
+        return _guessed(size)
+    if camera is not None:
+        return PhotoCamera(_fitting(Path(camera), path, size), "file", 0.0)
+    focal = read_exif(path).focal_px(*size) if path.is_file() else None
+    if focal:
+        return PhotoCamera(_centred(size, focal), "exif", EXIF_SIGMA)
+    if of_map.size == size:
+        return PhotoCamera(of_map, "assumed", 0.0)
+    return _guessed(size)
 
 
-def _guessed(size: tuple[int, int]) -> Intrinsics:
-    focal = GUESSED_FOCAL * max(size)
-    return Intrinsics(*size, focal, focal, (size[0] - 1) / 2, (size[1] - 1) / 2)
+def _fitting(camera_file: Path, photo: Path, size: tuple[int, int]) -> Intrinsics:
+    """The camera of the file, scaled to a photo of the same shape."""
+    found = read_color(camera_file)
+    if abs(found.width * size[1] - found.height * size[0]) > max(size):
+        raise CameraError(
+            f"expected a camera for {size[0]} x {size[1]} pixels, the size of {photo}, found"
+            f" {found.width} x {found.height} in {camera_file}; name another with --camera, or"
+            " --camera auto"
+        )
+    return found.scaled(*size)
 
 
-def _of_size(intrinsics: Intrinsics, size: tuple[int, int], where: Path) -> Intrinsics:
-    """The camera at the photo's size, where that is the same image scaled."""
-    if intrinsics.size == size:
-        return intrinsics
-    if intrinsics.width * size[1] == intrinsics.height * size[0]:
-        return intrinsics.scaled(*size)
-    raise PhotoError(
-        f"expected a photo of {intrinsics.width}x{intrinsics.height} as {where} says, found"
-        f" {size[0]}x{size[1]}; name its own camera with --camera FILE, or --camera auto"
-    )
+def _guessed(size: tuple[int, int]) -> PhotoCamera:
+    return PhotoCamera(_centred(size, USUAL_FOCAL * max(size)), "estimated", float("inf"))
 
 
-def _exif_focal(path: Path, longer_side: int) -> float | None:
-    """Focal length in pixels from the 35 mm equivalent, None where EXIF does not tell."""
-    from PIL import ExifTags, Image
-
-    try:
-        with Image.open(path) as image:
-            tags = image.getexif().get_ifd(ExifTags.IFD.Exif)
-    except (OSError, ValueError, SyntaxError):
-        return None
-    focal_mm = tags.get(ExifTags.Base.FocalLengthIn35mmFilm)
-    return float(focal_mm) / FILM_WIDTH_MM * longer_side if focal_mm else None
+def _centred(size: tuple[int, int], focal_px: float) -> Intrinsics:
+    width, height = size
+    return Intrinsics(width, height, focal_px, focal_px, (width - 1) / 2, (height - 1) / 2)

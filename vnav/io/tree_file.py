@@ -14,7 +14,7 @@ NAME = "tree.npz"
 def write_tree(draft: Path, tree: VocabularyTree) -> None:
     """Write the tree into the draft of its stage, uncompressed, so that it loads at once."""
     with (draft / NAME).open("wb") as file:
-        np.savez(file, **tree.to_arrays())
+        np.savez(file, **tree.to_arrays())  # type: ignore[arg-type]
 
 
 def load_tree(folder: MapFolder) -> VocabularyTree:

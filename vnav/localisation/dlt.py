@@ -6,8 +6,6 @@ Source: Hartley, Zisserman, "Multiple View Geometry", 2nd ed., 4.4.4 and 7.1; cl
 import numpy as np
 from numpy.typing import NDArray
 
-from vnav.core.camera import Intrinsics
-
 Array = NDArray[np.float64]
 
 
@@ -34,7 +32,7 @@ def dlt(image: Array, points_world: Array) -> Array:
     P = P / np.linalg.norm(P[:, 2:, :3], axis=2, keepdims=True)
     P = P * np.sign(np.linalg.det(P[:, :, :3]))[:, None, None]
     P[values[:, 1] < 1e-9 * values[:, -1]] = np.nan
-    return P
+    return np.asarray(P)
 
 
 def poses_of(P: Array) -> Array:
@@ -42,7 +40,7 @@ def poses_of(P: Array) -> Array:
 
     The left 3x3 part is projected onto the rotations, the translation follows its scale.
     """
-    valid = np.isfinite(P).all((1, 2))
+    valid = np.asarray(np.isfinite(P).all((1, 2)))
     U, scale, Vt = np.linalg.svd(np.where(valid[:, None, None], P, np.eye(3, 4))[:, :, :3])
     pose = np.concatenate([U @ Vt, P[:, :, 3:] / scale.mean(1)[:, None, None]], -1)
     pose[~valid | (np.linalg.det(pose[:, :, :3]) < 0)] = np.nan
@@ -66,7 +64,7 @@ def focal_of(P: Array) -> Array:
 
 
 def _normalised(points: Array) -> tuple[Array, Array]:
-    """The similarity (S, D+1, D+1) that centres points and scales them to sqrt(D), and its result."""
+    """A similarity (S, D+1, D+1) that centres points and scales them to sqrt(D); its result."""
     d = points.shape[-1]
     centre = points.mean(1, keepdims=True)
     size = np.sqrt(((points - centre) ** 2).sum(-1).mean(1))[:, None, None]

@@ -120,9 +120,7 @@ def _beside(landmarks: Landmarks, keyframes: int, shared: int) -> NDArray[np.boo
     return np.asarray((sees.T @ sees).toarray() >= shared) | np.eye(keyframes, dtype=bool)
 
 
-def _neighbours(
-    landmarks: Landmarks, beside: NDArray[np.bool_], count: int
-) -> NDArray[np.int32]:
+def _neighbours(landmarks: Landmarks, beside: NDArray[np.bool_], count: int) -> NDArray[np.int32]:
     """The nearest landmarks (L, count) in space among those seen from keyframes beside one's own.
 
     Claim 4, 2.6; each landmark stands for the first keyframe that saw it.

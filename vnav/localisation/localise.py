@@ -15,7 +15,7 @@ from vnav.localisation.matches import Matches
 from vnav.localisation.photo import Photo
 from vnav.localisation.places import Place, places
 from vnav.localisation.ransac import Consensus, Terms, consensus
-from vnav.localisation.refine import Sightings, refine
+from vnav.localisation.refine import Focal, Sightings, refine
 from vnav.localisation.search import completed, seeds
 from vnav.localisation.view import View
 
@@ -49,25 +49,50 @@ class Hypothesis:
 
 @dataclass(frozen=True)
 class Located:
-    """The answer, the other hypotheses, and how many matches the search had found."""
+    """The answer, every hypothesis with the answer first, and the matches the search had found."""
 
     best: Hypothesis
-    rivals: tuple[Hypothesis, ...]
+    hypotheses: tuple[Hypothesis, ...]
     matches: int
+
+    @property
+    def inliers(self) -> int:
+        """Number of matches that agree with the answer."""
+        return self.best.inliers
+
+
+@dataclass(frozen=True)
+class NotLocated(Rejected):
+    """Why the photo was not located, and the hypotheses that were not good enough."""
+
+    hypotheses: tuple[Hypothesis, ...] = ()
 
 
 def localise(
     photo: Photo, atlas: Atlas, config: LocateConfig, rng: np.random.Generator
-) -> Located | Rejected:
+) -> Located | NotLocated:
     """Where the photo was taken, or why that cannot be said; never a guess."""
     if len(photo.features) < config.min_features:
-        return Rejected("too few features")
+        return NotLocated("too few features")
     found = seeds(photo, atlas, config)
     candidates = places(found, atlas.index, config.places, LEAST)
     if not candidates:
-        return Rejected("too few matches", len(found))
+        return NotLocated("too few matches", len(found))
     hypotheses = _hypotheses(candidates, photo, atlas, config, rng)
     return _verdict(hypotheses, len(found), config)
+
+
+def own_focal(
+    hypothesis: Hypothesis, photo: Photo, atlas: Atlas, config: LocateConfig
+) -> tuple[float, float]:
+    """What the matches alone say of the focal length: factor of the one used, its log's sigma.
+
+    Far from 1, the photo was taken by another camera than was assumed.
+    """
+    view = hypothesis.view
+    seen = _sightings(hypothesis.matches, view, photo, atlas, config)
+    free = refine(view, seen, Focal(view.intrinsics.fx, float("inf")))
+    return free.view.intrinsics.fx / view.intrinsics.fx, float(np.sqrt(free.covariance[6, 6]))
 
 
 def _hypotheses(
@@ -107,7 +132,7 @@ def _consensus(
     seen = _sightings(matches, View(np.eye(4), photo.intrinsics), photo, atlas, config)
     threshold = config.ransac_threshold_px * photo.pixel
     terms = Terms(threshold, least, config.ransac_iterations, config.solver)
-    return consensus(photo.intrinsics, photo.known, seen, terms, rng)
+    return consensus(photo.intrinsics, photo.focal, seen, terms, rng)
 
 
 def _unexplained(
@@ -122,9 +147,7 @@ def _unexplained(
     return matches[left]
 
 
-def _verified(
-    view: View, photo: Photo, atlas: Atlas, config: LocateConfig
-) -> Hypothesis | None:
+def _verified(view: View, photo: Photo, atlas: Atlas, config: LocateConfig) -> Hypothesis | None:
     """The pose after guided matching of what the map predicts, None where that finds too little."""
     near = config.ransac_threshold_px * photo.pixel
     prediction = predict(view, atlas)
@@ -132,30 +155,38 @@ def _verified(
     matches = matched(found, prediction, atlas)
     if len(matches) < config.min_inliers:
         return None
-    view = refine(view, _sightings(matches, view, photo, atlas, config), not photo.known).view
+    view = refine(view, _sightings(matches, view, photo, atlas, config), photo.focal).view
     prediction = reprojected(prediction.rows, view, atlas)
     found = hits(prediction, photo, atlas, LAST_RADIUS * near)
     matches = matched(found, prediction, atlas)
     if len(matches) < config.min_inliers:
         return None
-    refined = refine(view, _sightings(matches, view, photo, atlas, config), not photo.known)
+    refined = refine(view, _sightings(matches, view, photo, atlas, config), photo.focal)
     strength = evidence(prediction, found, photo)
     return Hypothesis(refined.view, refined.covariance, matches, len(prediction), strength)
 
 
 def _verdict(
     hypotheses: list[Hypothesis], matches: int, config: LocateConfig
-) -> Located | Rejected:
+) -> Located | NotLocated:
     """The strongest hypothesis, if it is strong enough and no other place comes near it."""
-    good = [h for h in hypotheses if h.inliers >= config.min_inliers]
-    if not good or good[0].evidence < config.min_evidence:
-        inliers = max((h.inliers for h in hypotheses), default=0)
-        return Rejected("no consistent pose", matches, inliers)
-    best = good[0]
-    rivals = tuple(h for h in good[1:] if not _same_place(h.view, best.view))
-    if rivals and best.evidence - rivals[0].evidence < config.min_margin:
-        return Rejected("ambiguous", matches, best.inliers)
-    return Located(best, rivals, matches)
+    places = _apart(hypotheses)
+    if not places or places[0].evidence < config.min_evidence:
+        inliers = max((h.inliers for h in places), default=0)
+        return NotLocated("no consistent pose", matches, inliers, places)
+    best = places[0]
+    if len(places) > 1 and best.evidence - places[1].evidence < config.min_margin:
+        return NotLocated("ambiguous", matches, best.inliers, places)
+    return Located(best, places, matches)
+
+
+def _apart(hypotheses: list[Hypothesis]) -> tuple[Hypothesis, ...]:
+    """The strongest hypothesis of each place, the strongest first."""
+    places: list[Hypothesis] = []
+    for hypothesis in hypotheses:
+        if not any(_same_place(hypothesis.view, place.view) for place in places):
+            places.append(hypothesis)
+    return tuple(places)
 
 
 def _same_place(a: View, b: View) -> bool:

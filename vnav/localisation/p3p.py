@@ -81,7 +81,7 @@ def _real_root(c2: Array, c1: Array, c0: Array) -> Array:
 
 def _lines(D0: Array) -> tuple[Array, Array]:
     """The two planes ``depth_1 = w0 depth_2 + w1 depth_3`` (S, 2) that D0 falls into."""
-    finite = np.isfinite(D0).all((1, 2))
+    finite = np.asarray(np.isfinite(D0).all((1, 2)))
     values, vectors = np.linalg.eigh(np.where(finite[:, None, None], D0, np.eye(3)))
     # The middle eigenvalue is the one that vanishes: the two others have opposite signs.
     s = np.sqrt(np.maximum(-values[:, 0] / values[:, 2], 0))[:, None]
@@ -95,7 +95,7 @@ def _lines(D0: Array) -> tuple[Array, Array]:
 
 def _on_line(w: Array, a: Array, b: Array) -> tuple[Array, Array]:
     """Depths (S, 3), twice, on one plane, from ratio tau of third to second depth."""
-    (w0, w1), (a12, a13, a23), (b12, b13, b23) = w.T, a.T, b.T
+    (w0, w1), (a12, _, a23), (b12, _, b23) = w.T, a.T, b.T
     # a23 * (d1^2 - 2 b12 d1 d2 + d2^2) = a12 * (d2^2 - 2 b23 d2 d3 + d3^2), with d2 = 1, d3 = tau
     qa = a23 * w1**2 - a12
     qb = a23 * 2 * (w0 * w1 - b12 * w1) + 2 * a12 * b23

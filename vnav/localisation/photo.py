@@ -1,5 +1,6 @@
 """A photo's features, in the order of the vocabulary tree and in image buckets."""
 
+import dataclasses
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -11,6 +12,7 @@ from vnav.core.camera import Intrinsics
 from vnav.core.frame import Features
 from vnav.core.map_index import ranges, spans_of
 from vnav.core.tree import VocabularyTree
+from vnav.localisation.refine import Focal
 from vnav.localisation.words import Database, half_norms
 
 Rows = NDArray[np.intp]
@@ -22,15 +24,15 @@ SAME_KEYPOINT_PX = 2.0  # a keypoint's second orientation lies nearer than this
 class Photo:
     """Features sorted along the tree, their ``paths`` (N, levels + 1) and each node's rows.
 
-    ``intrinsics``: of the image the features were found in, without distortion; where ``known``
-    is false, the focal length is a first guess.
+    ``intrinsics``: of the image the features were found in, without distortion; ``focal_sigma``:
+    the relative standard deviation of its focal length, 0 where it is exact, inf where a guess.
     """
 
     features: Features
     paths: NDArray[np.int32]
     span: NDArray[np.int32]
     intrinsics: Intrinsics
-    known: bool
+    focal_sigma: float
 
     @cached_property
     def database(self) -> Database:
@@ -38,6 +40,11 @@ class Photo:
         descriptors = self.features.descriptors
         position = self.features.keypoints_px
         return Database(descriptors, half_norms(descriptors), position, SAME_KEYPOINT_PX)
+
+    @property
+    def focal(self) -> Focal:
+        """What is known of the focal length."""
+        return Focal(self.intrinsics.fx, self.focal_sigma)
 
     @property
     def pixel(self) -> float:
@@ -64,7 +71,7 @@ class Photo:
 
 
 def prepare(
-    features: Features, intrinsics: Intrinsics, known: bool, tree: VocabularyTree
+    features: Features, intrinsics: Intrinsics, focal_sigma: float, tree: VocabularyTree
 ) -> Photo:
     """Undistort, quantise and sort a photo's features (claim 4, 2.2)."""
     features, intrinsics = _undistorted(features, intrinsics)
@@ -72,14 +79,12 @@ def prepare(
     order = np.lexsort(paths.T[::-1])
     paths = paths[order]
     span = spans_of(paths, len(tree.level))
-    return Photo(features[order], paths, span, intrinsics, known)
+    return Photo(features[order], paths, span, intrinsics, focal_sigma)
 
 
 def _undistorted(features: Features, intrinsics: Intrinsics) -> tuple[Features, Intrinsics]:
     if not any(intrinsics.distortion) or not len(features):
         return features, intrinsics
-    import dataclasses
-
     K = intrinsics.K
     px = cv2.undistortPoints(
         features.keypoints_px[:, None], K, np.array(intrinsics.distortion), P=K

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from vnav.core.camera import Intrinsics
 from vnav.localisation.dlt import dlt, focal_of, poses_of
 from vnav.localisation.p3p import p3p
-from vnav.localisation.refine import Sightings, refine
+from vnav.localisation.refine import Focal, Sightings, refine
 from vnav.localisation.view import View
 
 Array = NDArray[np.float64]
@@ -21,7 +21,8 @@ Array = NDArray[np.float64]
 BATCH = 128  # minimal sets solved at once
 CONFIDENCE = 0.999  # that one set of inliers alone was drawn
 LOCAL_ROUNDS = 2  # refinements on the inliers of the best hypothesis
-FOCAL_LADDER = np.geomspace(0.5, 2.0, 7)  # of the first guess, where the focal length is unknown
+VAGUE = 0.2  # relative standard deviation of a focal length that tells next to nothing
+LADDER = np.geomspace(0.5, 2.0, 7)  # focal lengths tried then, as factors of the guess
 
 
 @dataclass(frozen=True)
@@ -43,31 +44,28 @@ class Consensus:
 
 
 def consensus(
-    guess: Intrinsics,
-    known: bool,
-    seen: Sightings,
-    terms: Terms,
-    rng: np.random.Generator,
+    guess: Intrinsics, focal: Focal, seen: Sightings, terms: Terms, rng: np.random.Generator
 ) -> Consensus | None:
     """The view that most sightings, the best of them first, agree with; None where too few do."""
     best: View | None = None
-    size = 3 if known and terms.solver != "dlt" else 6
+    by_dlt = terms.solver == "dlt" or (terms.solver == "auto" and focal.sigma > VAGUE)
+    size = 6 if by_dlt else 3
     needed = min(terms.iterations, _draws(terms.least / max(len(seen.px), 1), size))
     best_score, drawn = np.inf, 0
     while drawn < needed and len(seen.px) >= terms.least:
-        poses, focal = _hypotheses(guess, known, seen, terms.solver, rng)
+        poses, factors = _hypotheses(guess, focal, seen, by_dlt, rng)
         drawn += BATCH
         if not len(poses):
             continue
-        errors = _errors(poses, focal, guess, seen) / terms.threshold_px**2
+        errors = _errors(poses, factors, guess, seen) / terms.threshold_px**2
         score = np.minimum(errors, 1).sum(1)
         k = int(score.argmin())
         if score[k] < best_score:
-            best, best_score = _view(poses[k], focal[k], guess), score[k]
+            best, best_score = _view(poses[k], factors[k], guess), score[k]
             needed = min(needed, _draws((errors[k] < 1).mean(), size))
     if best is None:
         return None
-    return _locally_optimised(best, known, seen, terms)
+    return _locally_optimised(best, focal, seen, terms)
 
 
 def _draws(inlier_share: float, size: int) -> int:
@@ -76,15 +74,13 @@ def _draws(inlier_share: float, size: int) -> int:
     return int(np.ceil(np.log(1 - CONFIDENCE) / np.log(1 - clean)))
 
 
-def _locally_optimised(
-    view: View, known: bool, seen: Sightings, terms: Terms
-) -> Consensus | None:
+def _locally_optimised(view: View, focal: Focal, seen: Sightings, terms: Terms) -> Consensus | None:
     """The best hypothesis refined on its inliers, None where too few remain."""
     inliers = _agreeing(view, seen, terms)
     for _ in range(LOCAL_ROUNDS):
         if inliers.sum() < terms.least:
             return None
-        view = refine(view, seen[inliers], not known).view
+        view = refine(view, seen[inliers], focal).view
         inliers = _agreeing(view, seen, terms)
     return Consensus(view, inliers) if inliers.sum() >= terms.least else None
 
@@ -94,26 +90,25 @@ def _agreeing(view: View, seen: Sightings, terms: Terms) -> NDArray[np.bool_]:
 
 
 def _hypotheses(
-    guess: Intrinsics, known: bool, seen: Sightings, solver: str, rng: np.random.Generator
+    guess: Intrinsics, focal: Focal, seen: Sightings, by_dlt: bool, rng: np.random.Generator
 ) -> tuple[Array, Array]:
     """Poses (H, 3, 4) ``T_camera_world`` of one batch of sets, and focal lengths (H,) as factors.
 
-    The factor is of the guess, 1 where the camera is known. Points too few for the direct linear
-    transform, or in one plane, leave it to three points.
+    The factor is of the guess. Points too few for the direct linear transform, or in one plane,
+    leave it to three points, with the focal lengths that are likely.
     """
     points, px = seen.points_world.astype(float), seen.px.astype(float)
-    poses, focal = np.zeros((0, 3, 4)), np.zeros(0)
-    if len(px) >= 6 and (solver == "dlt" or not known):
+    poses, factors = np.zeros((0, 3, 4)), np.zeros(0)
+    if len(px) >= 6 and by_dlt:
         rows = _minimal_sets(len(px), 6, rng)
-        poses, focal = _by_dlt(guess, known, points[rows], px[rows])
-    if len(poses) and known:
-        return poses, focal
+        poses, factors = _by_dlt(guess, focal, points[rows], px[rows])
+    if len(poses) and focal.sigma <= VAGUE:
+        return poses, factors
     rows = _minimal_sets(len(px), 3, rng)
-    ladder = np.ones(1) if known else FOCAL_LADDER
-    more = [_by_three(guess, factor, points[rows], px[rows]) for factor in ladder]
-    return np.concatenate([poses, *more]), np.concatenate(
-        [focal, *(np.full(len(m), f) for m, f in zip(more, ladder, strict=True))]
-    )
+    likely = LADDER if focal.sigma > VAGUE else np.unique([1 - focal.sigma, 1, 1 + focal.sigma])
+    more = [_by_three(guess, factor, points[rows], px[rows]) for factor in likely]
+    counts = [len(m) for m in more]
+    return np.concatenate([poses, *more]), np.append(factors, np.repeat(likely, counts))
 
 
 def _by_three(guess: Intrinsics, factor: float, points: Array, px: Array) -> Array:
@@ -121,15 +116,15 @@ def _by_three(guess: Intrinsics, factor: float, points: Array, px: Array) -> Arr
     return p3p(rays / np.linalg.norm(rays, axis=2, keepdims=True), points)
 
 
-def _by_dlt(guess: Intrinsics, known: bool, points: Array, px: Array) -> tuple[Array, Array]:
+def _by_dlt(guess: Intrinsics, focal: Focal, points: Array, px: Array) -> tuple[Array, Array]:
     """By the direct linear transform: projected onto the intrinsics, or with its own focal."""
     with np.errstate(all="ignore"):
         P = dlt(_centred(guess, px), points)
-        focal = np.ones(len(P)) if known else focal_of(P)
-        P = P / np.stack([focal, focal, np.ones(len(P))], 1)[:, :, None]
-        poses = poses_of(P)
-    good = np.isfinite(poses).all((1, 2)) & (focal > FOCAL_LADDER[0] / 2) & (focal < 4)
-    return poses[good], focal[good]
+        factors = np.ones(len(P)) if focal.sigma <= VAGUE else focal_of(P)
+        poses = poses_of(P / np.stack([factors, factors, np.ones(len(P))], 1)[:, :, None])
+    likely = (factors > LADDER[0] / 2) & (factors < LADDER[-1] * 2)
+    good = np.isfinite(poses).all((1, 2)) & likely
+    return poses[good], factors[good]
 
 
 def _centred(k: Intrinsics, px: Array) -> Array:
@@ -150,7 +145,7 @@ def _errors(poses: Array, focal: Array, k: Intrinsics, seen: Sightings) -> Array
     z = np.where(p[:, 2] > 1e-3, p[:, 2], np.nan)
     u = k.fx * focal[:, None] * p[:, 0] / z + k.cx - seen.px[:, 0]
     v = k.fy * focal[:, None] * p[:, 1] / z + k.cy - seen.px[:, 1]
-    return np.nan_to_num(u * u + v * v, nan=np.inf)
+    return np.asarray(np.nan_to_num(u * u + v * v, nan=np.inf))
 
 
 def _view(pose: Array, focal: float, k: Intrinsics) -> View:

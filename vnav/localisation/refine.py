@@ -16,6 +16,17 @@ CONVERGED = 1e-4  # relative gain of a step
 
 
 @dataclass(frozen=True)
+class Focal:
+    """What is known of a focal length: ``guess_px`` along x, and its relative standard deviation.
+
+    ``sigma`` 0: exact; inf: nothing is known.
+    """
+
+    guess_px: float
+    sigma: float
+
+
+@dataclass(frozen=True)
 class Sightings:
     """Points (N, 3) of the map, the pixels (N, 2) they are seen at, and the variance (N,) of both.
 
@@ -42,30 +53,44 @@ class Refined:
     covariance: Array
 
 
-def refine(view: View, seen: Sightings, with_focal: bool) -> Refined:
-    """The most likely view near the given one, robustly (claim 4, 2.10).
+def refine(view: View, seen: Sightings, focal: Focal) -> Refined:
+    """The most likely view near the given one, and focal length unless exact (claim 4, 2.10).
 
     Levenberg-Marquardt on the reprojection errors under Huber's kernel. The covariance is the
     inverse information, widened where the residuals are larger than their variances say.
     """
     damping = 1e-4
-    J, r = _linearised(view, seen, with_focal)
-    cost = _huber(r)
+    H, g, cost = _normal(view, seen, focal)
     for _ in range(MAX_ITERATIONS):
-        H, g = _normal(J, r)
-        trial = view.moved(-np.linalg.solve(H + damping * np.diag(H.diagonal() + 1e-12), g))
-        J_trial, r_trial = _linearised(trial, seen, with_focal)
-        gain = cost - _huber(r_trial)
-        if gain < 0:
+        step = np.linalg.solve(H + damping * np.diag(H.diagonal() + 1e-12), g)
+        trial = view.moved(np.asarray(-step, float))
+        H_trial, g_trial, trial_cost = _normal(trial, seen, focal)
+        if trial_cost > cost:
             damping *= 10
             continue
-        view, J, r, damping = trial, J_trial, r_trial, damping / 10
-        cost -= gain
-        if gain < CONVERGED * cost:
+        converged = cost - trial_cost < CONVERGED * cost
+        view, H, g, cost, damping = trial, H_trial, g_trial, trial_cost, damping / 10
+        if converged:
             break
-    H, _ = _normal(J, r)
     spread = max(1.0, cost / max(1, 2 * len(seen.px) - len(H)))
-    return Refined(view, np.linalg.pinv(H, hermitian=True) * spread)
+    return Refined(view, np.asarray(np.linalg.pinv(H, hermitian=True) * spread, float))
+
+
+def _normal(view: View, seen: Sightings, focal: Focal) -> tuple[Array, Array, float]:
+    """Information matrix, gradient and cost, each point weighted by Huber's kernel."""
+    J, r = _linearised(view, seen, focal.sigma > 0)
+    size = np.linalg.norm(r, axis=1)
+    weight = HUBER_SIGMAS / np.maximum(size, HUBER_SIGMAS)
+    weighted = (J * weight[:, None, None]).reshape(-1, J.shape[2])
+    H, g = weighted.T @ J.reshape(-1, J.shape[2]), weighted.T @ r.reshape(-1)
+    far = HUBER_SIGMAS * (2 * size - HUBER_SIGMAS)
+    cost = float(np.where(size > HUBER_SIGMAS, far, size**2).sum())
+    if focal.sigma > 0:
+        off = np.log(view.intrinsics.fx / focal.guess_px) / focal.sigma
+        H[6, 6] += focal.sigma**-2
+        g[6] += off / focal.sigma
+        cost += off**2
+    return H, g, cost
 
 
 def _linearised(view: View, seen: Sightings, with_focal: bool) -> tuple[Array, Array]:
@@ -88,16 +113,3 @@ def _linearised(view: View, seen: Sightings, with_focal: bool) -> tuple[Array, A
     weight = 1 / np.sqrt(seen.variance_px2)
     J *= np.stack([k.fx * weight, k.fy * weight], 1)[..., None]
     return J, r * weight[:, None]
-
-
-def _normal(J: Array, r: Array) -> tuple[Array, Array]:
-    """Information matrix and gradient, each point weighted by Huber's kernel."""
-    weight = HUBER_SIGMAS / np.maximum(np.linalg.norm(r, axis=1), HUBER_SIGMAS)
-    weighted = (J * weight[:, None, None]).reshape(-1, J.shape[2])
-    return weighted.T @ J.reshape(-1, J.shape[2]), weighted.T @ r.reshape(-1)
-
-
-def _huber(r: Array) -> float:
-    size = np.linalg.norm(r, axis=1)
-    far = HUBER_SIGMAS * (2 * size - HUBER_SIGMAS)
-    return float(np.where(size > HUBER_SIGMAS, far, size**2).sum())

@@ -78,4 +78,4 @@ def _ratio(
     A word may hide the second-nearest, and of a sole candidate it always does: the second-nearest
     is never taken to be farther than where the map's landmarks typically have a stranger.
     """
-    return distance / np.maximum(np.minimum(rival, atlas.index.stranger), 1.0)
+    return np.asarray(distance / np.maximum(np.minimum(rival, atlas.index.stranger), 1), np.float32)

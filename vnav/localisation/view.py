@@ -38,9 +38,7 @@ class View:
         k = self.intrinsics
         return np.stack([k.fx * p[:, 0] / z + k.cx, k.fy * p[:, 1] / z + k.cy], 1), p[:, 2]
 
-    def squared_errors(
-        self, points_world: NDArray[np.float32], px: NDArray[np.float32]
-    ) -> Array:
+    def squared_errors(self, points_world: NDArray[np.float32], px: NDArray[np.float32]) -> Array:
         """Squared reprojection errors (N,) in pixels, inf behind the camera."""
         projected, depth = self.project(points_world)
         return np.where(depth > MIN_DEPTH_M, ((projected - px) ** 2).sum(1), np.inf)

@@ -29,7 +29,7 @@ class Database:
 def half_norms(descriptors: NDArray[np.uint8]) -> Floats:
     """Half the squared length (D,) of each descriptor, exact."""
     values = descriptors.astype(np.float32)
-    return np.einsum("ij,ij->i", values, values) / 2
+    return np.asarray(np.einsum("ij,ij->i", values, values) / 2)
 
 
 def nearest_two(

@@ -41,9 +41,7 @@ def run(folder: MapFolder, config: Config, *, progress: Progress = silent) -> Re
     return finished(folder, Report(STAGE, values, (line,)), started)
 
 
-def _mapped(
-    folder: MapFolder, odometry: Odometry, optimised: OptimisedMap
-) -> list[MappedKeyframe]:
+def _mapped(folder: MapFolder, odometry: Odometry, optimised: OptimisedMap) -> list[MappedKeyframe]:
     cameras = [map_camera(folder, k) for k in range(len(folder.captures))]
     places = zip(odometry.keyframes, optimised.keyframe_covariance, strict=True)
     return [

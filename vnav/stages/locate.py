@@ -1,196 +1,147 @@
-"""Where photos were taken: claim 4."""
+"""Where photos were taken, asked of a finished map: claim 4."""
 
+import dataclasses
 import os
 import time
-from collections.abc import Sequence
+from collections.abc import Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
-from typing import Any
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from vnav.config import Config, FeaturesConfig
-from vnav.core import se3
-from vnav.core.frame import Rejected
+from vnav.config import Config, FeaturesConfig, LocateConfig
+from vnav.core.camera import Intrinsics
 from vnav.core.progress import Progress, silent
 from vnav.errors import PhotoError
 from vnav.features import front_end
 from vnav.io.artifacts import map_camera
 from vnav.io.index_file import load_index
 from vnav.io.map_folder import MapFolder
-from vnav.io.photos import PhotoFile, read_photo
+from vnav.io.photos import PhotoCamera, photo_camera, read_photo
 from vnav.io.tree_file import load_tree
 from vnav.localisation.atlas import Atlas
-from vnav.localisation.localise import Hypothesis, Located, localise
+from vnav.localisation.localise import Located, NotLocated, localise, own_focal
 from vnav.localisation.photo import Photo, prepare
+from vnav.localisation.uncertainty import sigmas
+from vnav.stages.answer import Answer, Unreadable
+from vnav.stages.capture_quality import BLURRED, DARK, blur
 
-Array = NDArray[np.float64]
-DARK = 25.0  # mean brightness of 255 below which a photo without features is called dark
-
-
-@dataclass(frozen=True)
-class PhotoReport:
-    """What is said of one photo; ``answer`` is `PhotoError` where it could not be read.
-
-    ``features`` found; ``seconds`` by step; ``seen_px`` and ``predicted_px`` (M, 2): where the
-    inliers were seen, and where the map puts them, in an image without distortion.
-    """
-
-    path: Path
-    photo: PhotoFile | None
-    answer: Located | Rejected | PhotoError
-    features: int = 0
-    seconds: dict[str, float] = field(default_factory=dict)
-    seen_px: Array = field(default_factory=lambda: np.zeros((0, 2)))
-    predicted_px: Array = field(default_factory=lambda: np.zeros((0, 2)))
-
-    @property
-    def T_world_camera(self) -> Array | None:
-        """The pose (4, 4), None where the photo was not located."""
-        return self.answer.best.view.T_world_camera if isinstance(self.answer, Located) else None
-
-    @property
-    def reason(self) -> str:
-        """Why there is no pose; empty where there is one."""
-        if isinstance(self.answer, Located):
-            return ""
-        return self.answer.reason if isinstance(self.answer, Rejected) else str(self.answer)
-
-    def as_dict(self) -> dict[str, Any]:
-        """Plain values for JSON, as docs/locating.md lists them."""
-        values = {
-            "photo": str(self.path),
-            "located": False,
-            "reason": self.reason,
-            "T_world_camera": None,
-            "position_m": None,
-            "quaternion_xyzw": None,
-            "intrinsics": None,
-            "intrinsics_source": self.photo.source if self.photo else None,
-            "features": self.features,
-            "matches": 0,
-            "inliers": 0,
-            "sigma_position_m": None,
-            "sigma_rotation_deg": None,
-            "confidence": None,
-            "hypotheses": [],
-            "seconds": self.seconds,
-        }
-        if isinstance(self.answer, Rejected):
-            values |= {"matches": self.answer.matches, "inliers": self.answer.inliers}
-        if isinstance(self.answer, Located):
-            values |= _pose(self.answer)
-        return values
+DOUBTFUL = 0.03  # relative error of an assumed focal length that is told, if it is significant
+SIGNIFICANT = 3.0  # standard deviations
 
 
 class Locator:
-    """A map, loaded once, that finds photos."""
+    """Finds photos in one map, which is loaded once; may be asked from several threads."""
 
-    def __init__(self, folder: MapFolder, config: Config) -> None:
-        self._config = config
-        self._camera = map_camera(folder)
-        self._atlas = Atlas(load_index(folder), load_tree(folder))
-        features = FeaturesConfig(**folder.settings("odometry")["features"])
-        self._extract = front_end(
-            replace(features, max_features=config.locate.max_features)
-        ).extract
+    def __init__(self, folder: MapFolder, config: Config, camera: Path | str | None = None) -> None:
+        """``camera``: of all photos, a camera.toml or "auto"; None: see `photo_camera`."""
+        self.atlas = Atlas(load_index(folder), load_tree(folder))
+        self._config, self._camera = config, camera
+        self._map_cameras = [map_camera(folder, k) for k in range(len(folder.captures))]
+        recorded = FeaturesConfig(**folder.settings("odometry")["features"])
+        wanted = dataclasses.replace(recorded, max_features=config.locate.max_features)
+        self._front_end = front_end(wanted)
 
-    def __call__(self, path: Path, camera: str | None = None) -> PhotoReport:
-        """Where a photo was taken; its camera as `read_photo` finds it."""
-        started = time.perf_counter()
-        try:
-            photo = read_photo(path, camera, self._camera)
-        except PhotoError as error:
-            return PhotoReport(path, None, error)
-        read = time.perf_counter()
-        features = self._extract(photo.color)
-        extracted = time.perf_counter()
-        asked = prepare(features, photo.intrinsics, photo.is_known, self._atlas.tree)
-        rng = np.random.default_rng([self._config.seed, 4])
-        answer = localise(asked, self._atlas, self._config.locate, rng)
-        if isinstance(answer, Rejected):
-            answer = _explained(answer, photo, len(features))
-        ended = time.perf_counter()
-        seconds = {
-            "read": read - started,
-            "features": extracted - read,
-            "locate": ended - extracted,
-        }
-        report = PhotoReport(path, photo, answer, len(features), seconds)
-        return self._with_pixels(report, answer, asked) if isinstance(answer, Located) else report
+    def locate(self, path: Path) -> Answer:
+        """Where a photo was taken; PhotoError or CameraError where it cannot be asked."""
+        clock = [time.monotonic()]
+        image = read_photo(path)
+        size = image.shape[1], image.shape[0]
+        camera = photo_camera(path, size, self._camera, self._map_camera(size))
+        clock.append(time.monotonic())
+        image = scaled_down(image, self._config.locate.max_size_px)
+        intrinsics = camera.intrinsics.scaled(image.shape[1], image.shape[0])
+        features = self._front_end.extract(image)
+        clock.append(time.monotonic())
+        photo = prepare(features, intrinsics, camera.focal_sigma, self.atlas.tree)
+        rng = np.random.default_rng(self._config.seed)
+        result = localise(photo, self.atlas, self._config.locate, rng)
+        clock.append(time.monotonic())
+        spent = np.round(np.diff(clock), 4).tolist()
+        seconds = dict(zip(("read", "features", "search_and_pose"), spent, strict=True))
+        return self._answer(path, image, photo, camera, result, seconds)
 
-    def _with_pixels(self, report: PhotoReport, located: Located, asked: Photo) -> PhotoReport:
-        matches, view = located.best.matches, located.best.view
-        predicted, _ = view.project(self._atlas.index.points_world[matches.landmark])
-        seen = asked.features.keypoints_px[matches.feature].astype(float)
-        return replace(report, seen_px=seen, predicted_px=predicted)
+    def _answer(
+        self,
+        path: Path,
+        image: NDArray[np.uint8],
+        photo: Photo,
+        camera: PhotoCamera,
+        result: Located | NotLocated,
+        seconds: dict[str, float],
+    ) -> Answer:
+        if isinstance(result, NotLocated):
+            reason = result.reason + _flaw(image)
+            return Answer(path, photo, camera, result, None, reason, (), seconds)
+        warnings: tuple[str, ...] = ()
+        if camera.source == "assumed":
+            warnings = _doubts(path, result, photo, self.atlas, self._config.locate)
+        sigma = sigmas(result.best, self.atlas.index)
+        return Answer(path, photo, camera, result, sigma, "", warnings, seconds)
+
+    def _map_camera(self, size: tuple[int, int]) -> Intrinsics:
+        """The camera of a capture whose images have this size, else the first's."""
+        same = [camera for camera in self._map_cameras if camera.size == size]
+        return (same or self._map_cameras)[0]
 
 
 def locate(
-    folder: MapFolder,
-    photos: Sequence[Path],
-    config: Config,
-    *,
-    camera: str | None = None,
-    progress: Progress = silent,
-) -> list[PhotoReport]:
-    """Where each photo was taken, in the order asked; several are worked on at once."""
-    locator = Locator(folder, config)
-    if len(photos) == 1:
-        return [locator(photos[0], camera)]
-    threads = cv2.getNumThreads()
-    cv2.setNumThreads(1)
+    locator: Locator, photos: Iterable[Path], *, progress: Progress = silent
+) -> Iterator[Answer | Unreadable]:
+    """Answers in the order of the photos, as they are found, all cores at work."""
+    paths = list(photos)
+
+    def answer(path: Path) -> Answer | Unreadable:
+        try:
+            return locator.locate(path)
+        except PhotoError as error:
+            return Unreadable(path, str(error))
+
+    with ThreadPoolExecutor(os.cpu_count()) as pool:
+        for done, found in enumerate(pool.map(answer, paths), 1):
+            progress("locate", done, len(paths))
+            yield found
+
+
+def remember(folder: MapFolder, answer: Answer | Unreadable) -> str | None:
+    """Make a located photo the map's current pose; why not, where the map cannot be written."""
+    if isinstance(answer, Unreadable) or answer.best is None:
+        return None
     try:
-        with ThreadPoolExecutor(os.cpu_count()) as pool:
-            reports = []
-            for report in pool.map(lambda path: locator(path, camera), photos):
-                reports.append(report)
-                progress("locate", len(reports), len(photos))
-            return reports
-    finally:
-        cv2.setNumThreads(threads)
+        folder.write_current(answer.as_dict())
+    except OSError as error:
+        return f"the pose could not be remembered in {folder.root}: {error.strerror}"
+    return None
 
 
-def _explained(answer: Rejected, photo: PhotoFile, features: int) -> Rejected:
-    """The refusal with what the photo itself shows of its cause."""
-    if answer.reason != "too few features":
-        return answer
-    brightness = float(photo.color.mean())
-    dark = f"too dark: mean brightness {brightness:.0f} of 255, "
-    return Rejected(
-        f"{dark if brightness < DARK else ''}too few features: {features}",
-        answer.matches,
-        answer.inliers,
+def scaled_down(image: NDArray[np.uint8], longest_px: int) -> NDArray[np.uint8]:
+    """The image, made smaller where its longer side is longer than that."""
+    height, width = image.shape[:2]
+    factor = longest_px / max(height, width)
+    if factor >= 1:
+        return image
+    size = max(1, round(width * factor)), max(1, round(height * factor))
+    return np.asarray(cv2.resize(image, size, interpolation=cv2.INTER_AREA), np.uint8)
+
+
+def _flaw(image: NDArray[np.uint8]) -> str:
+    """What is wrong with a photo that was not located, empty where nothing is."""
+    gray = np.asarray(cv2.cvtColor(image, cv2.COLOR_RGB2GRAY), np.uint8)
+    if gray.mean() < DARK:
+        return f"; the photo is dark (mean grey level {gray.mean():.0f} of 255)"
+    return "; the photo is blurred" if blur(gray) > BLURRED else ""
+
+
+def _doubts(
+    path: Path, result: Located, photo: Photo, atlas: Atlas, config: LocateConfig
+) -> tuple[str, ...]:
+    """A warning where the matches contradict the camera that was assumed."""
+    factor, sigma = own_focal(result.best, photo, atlas, config)
+    if abs(np.log(factor)) < max(DOUBTFUL, SIGNIFICANT * sigma):
+        return ()
+    return (
+        f"{path}: taken by the map's camera as it seems by the size, but the focal length rather"
+        f" is {factor:.2f} times as long; name the camera with --camera, or --camera auto",
     )
-
-
-def _pose(located: Located) -> dict[str, Any]:
-    best = located.best
-    T = best.view.T_world_camera
-    # The tangent is the camera's; positions are told along the world's axes.
-    in_world = T[:3, :3] @ best.covariance[3:6, 3:6] @ T[:3, :3].T
-    rotation = best.covariance[:3, :3]
-    return {
-        "located": True,
-        "T_world_camera": T.tolist(),
-        "position_m": T[:3, 3].tolist(),
-        "quaternion_xyzw": se3.quat_xyzw(T).tolist(),
-        "intrinsics": asdict(best.view.intrinsics),
-        "matches": located.matches,
-        "inliers": best.inliers,
-        "sigma_position_m": np.sqrt(np.diag(in_world)).tolist(),
-        "sigma_rotation_deg": np.rad2deg(np.sqrt(np.diag(rotation))).tolist(),
-        "hypotheses": [_hypothesis(h) for h in (best, *located.rivals)],
-    }
-
-
-def _hypothesis(h: Hypothesis) -> dict[str, Any]:
-    return {
-        "position_m": h.view.centre_world.tolist(),
-        "inliers": h.inliers,
-        "predicted": h.predicted,
-        "evidence": h.evidence,
-    }

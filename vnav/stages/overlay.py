@@ -1,4 +1,4 @@
-"""A photo with what was recognised in it."""
+"""A photo with what was found in it drawn over it."""
 
 from pathlib import Path
 
@@ -6,37 +6,66 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from vnav.errors import PhotoError
-from vnav.localisation.localise import Located
-from vnav.stages.locate import PhotoReport
+from vnav.errors import VnavError
+from vnav.io.photos import read_photo
+from vnav.localisation.atlas import Atlas
+from vnav.localisation.guided import predict
+from vnav.localisation.localise import Hypothesis
+from vnav.stages.answer import Answer, summary
 
-SEEN, PREDICTED, TEXT = (60, 200, 60), (220, 60, 200), (255, 255, 255)  # RGB
+GREEN, YELLOW, BLUE, RED = (40, 200, 60), (0, 220, 255), (255, 150, 60), (60, 60, 230)  # BGR
 
 
-def write_overlay(report: PhotoReport, path: Path) -> None:
-    """Write the picture; PhotoError where it cannot be written."""
-    bgr = cv2.cvtColor(overlay(report), cv2.COLOR_RGB2BGR)
+def draw(answer: Answer, atlas: Atlas, path: Path) -> None:
+    """Write a picture: blue what the map predicts, green the inliers, yellow how far they are off.
+
+    A photo that was not located shows its features in red. VnavError where it cannot be written.
+    """
+    canvas = _seen(answer)
+    if answer.best is not None:
+        _draw_pose(canvas, answer, answer.best, atlas)
+    else:
+        for x, y in answer.photo.features.keypoints_px:
+            cv2.circle(canvas, (round(x), round(y)), 2, RED, -1, cv2.LINE_AA)
+    _draw_title(canvas, summary(answer).removeprefix(f"{answer.path}: "))
     try:
-        written = cv2.imwrite(str(path), bgr)
-    except cv2.error:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        written = cv2.imwrite(str(path), canvas)
+    except (OSError, cv2.error):
         written = False
     if not written:
-        raise PhotoError(f"expected to write a picture at {path}, could not; name a .png or .jpg")
+        raise VnavError(f"expected to write a picture to {path}, could not; name a .jpg or .png")
 
 
-def overlay(report: PhotoReport) -> NDArray[np.uint8]:
-    """The photo (H, W, 3) RGB, its inliers joined to where the map puts them, and a caption."""
-    assert report.photo is not None
-    image = np.array(report.photo.color)
-    if isinstance(report.answer, Located):
-        for seen, predicted in zip(report.seen_px, report.predicted_px, strict=True):
-            a, b = (tuple(int(v) for v in np.rint(px)) for px in (seen, predicted))
-            cv2.line(image, a, b, PREDICTED, 1, cv2.LINE_AA)
-            cv2.circle(image, a, 4, SEEN, 1, cv2.LINE_AA)
-        x, y, z = report.answer.best.view.centre_world
-        caption = f"x {x:.2f} y {y:.2f} z {z:.2f} m, {report.answer.best.inliers} inliers"
-    else:
-        caption = f"not located: {report.reason}"
-    cv2.rectangle(image, (0, 0), (image.shape[1], 28), (0, 0, 0), -1)
-    cv2.putText(image, caption, (8, 20), cv2.FONT_HERSHEY_SIMPLEX, 0.6, TEXT, 1, cv2.LINE_AA)
-    return image
+def _seen(answer: Answer) -> NDArray[np.uint8]:
+    """The photo (H, W, 3), BGR, as its features were searched: scaled and undistorted."""
+    image = cv2.cvtColor(read_photo(answer.path), cv2.COLOR_RGB2BGR)
+    size, k = answer.photo.intrinsics.size, answer.camera.intrinsics
+    if image.shape[1::-1] != size:
+        image = cv2.resize(image, size, interpolation=cv2.INTER_AREA)
+    if k.distortion:
+        image = cv2.undistort(image, k.scaled(*size).K, np.array(k.distortion))
+    return np.asarray(image, np.uint8)
+
+
+def _draw_pose(canvas: NDArray[np.uint8], answer: Answer, best: Hypothesis, atlas: Atlas) -> None:
+    for x, y in predict(best.view, atlas).px:
+        cv2.circle(canvas, (round(x), round(y)), 1, BLUE, -1, cv2.LINE_AA)
+    features = answer.photo.features.keypoints_px[best.matches.feature]
+    landmarks, _ = best.view.project(atlas.index.points_world[best.matches.landmark])
+    for feature, landmark in zip(features, landmarks, strict=True):
+        place = round(feature[0]), round(feature[1])
+        cv2.line(canvas, place, (round(landmark[0]), round(landmark[1])), YELLOW, 1, cv2.LINE_AA)
+        cv2.circle(canvas, place, 3, GREEN, 1, cv2.LINE_AA)
+
+
+def _draw_title(canvas: NDArray[np.uint8], text: str) -> None:
+    """White on black at the top, as wide as the picture allows."""
+    width = canvas.shape[1]
+    (wanted, _), _ = cv2.getTextSize(text, cv2.FONT_HERSHEY_SIMPLEX, 1.0, 1)
+    scale = min(0.6, (width - 16) / max(wanted, 1))
+    cv2.rectangle(canvas, (0, 0), (width, 24), (0, 0, 0), -1)
+    place = (8, 17)
+    cv2.putText(
+        canvas, text, place, cv2.FONT_HERSHEY_SIMPLEX, scale, (255, 255, 255), 1, cv2.LINE_AA
+    )

@@ -1,0 +1,45 @@
+"""How far off an answer may be."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vnav.core.map_index import MapIndex
+from vnav.localisation.localise import Hypothesis
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Sigmas:
+    """Standard deviations of a pose and focal length.
+
+    ``position_m`` (3,): along the world's axes; ``rotation_rad`` (3,): about the camera's axes;
+    ``focal``: relative, 0 where the focal length was given.
+    """
+
+    position_m: Array
+    rotation_rad: Array
+    focal: float
+
+
+def sigmas(hypothesis: Hypothesis, index: MapIndex) -> Sigmas:
+    """From the information of the matches, and the map's own where it is known.
+
+    The map's is the covariance of the keyframe that sees most of the matched landmarks: the photo
+    is located against what that keyframe saw.
+    """
+    R = hypothesis.view.T_world_camera[:3, :3]
+    position = R @ hypothesis.covariance[3:6, 3:6] @ R.T
+    rotation = hypothesis.covariance[:3, :3]
+    _, keyframes = index.keyframes_of(hypothesis.matches.landmark)
+    keyframe = int(np.bincount(keyframes).argmax())
+    of_map = index.keyframe_covariance[keyframe]
+    if np.isfinite(of_map).all():
+        R_world_keyframe = index.T_world_keyframe[keyframe, :3, :3]
+        R_camera_keyframe = R.T @ R_world_keyframe
+        position = position + R_world_keyframe @ of_map[3:, 3:] @ R_world_keyframe.T
+        rotation = rotation + R_camera_keyframe @ of_map[:3, :3] @ R_camera_keyframe.T
+    focal = hypothesis.covariance[6, 6] if len(hypothesis.covariance) > 6 else 0.0
+    return Sigmas(np.sqrt(np.diag(position)), np.sqrt(np.diag(rotation)), float(np.sqrt(focal)))

@@ -1,0 +1,147 @@
+"""What is said of a photo: for programs, for tables, for people."""
+
+import csv
+import io
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from vnav.core import se3
+from vnav.errors import VnavError
+from vnav.io.map_folder import write_text
+from vnav.io.photos import PhotoCamera
+from vnav.localisation.localise import Hypothesis, Located, NotLocated
+from vnav.localisation.photo import Photo
+from vnav.localisation.uncertainty import Sigmas
+from vnav.localisation.view import View
+
+CSV_HEADER = (
+    *("photo", "located", "reason", "tx", "ty", "tz", "qx", "qy", "qz", "qw"),
+    *("sigma_x_m", "sigma_y_m", "sigma_z_m", "sigma_rotation_deg", "matches", "inliers"),
+)
+
+
+@dataclass(frozen=True)
+class Answer:
+    """A photo and where it was taken, or the reason why that is not known.
+
+    ``photo`` is what was searched: features and intrinsics of the scaled and undistorted image;
+    ``camera`` belongs to the file; ``sigmas`` None where the photo was not located.
+    """
+
+    path: Path
+    photo: Photo
+    camera: PhotoCamera
+    result: Located | NotLocated
+    sigmas: Sigmas | None
+    reason: str
+    warnings: tuple[str, ...]
+    seconds: dict[str, float]
+
+    @property
+    def best(self) -> Hypothesis | None:
+        """The pose that is given, if one is."""
+        return self.result.best if isinstance(self.result, Located) else None
+
+    def as_dict(self) -> dict[str, Any]:
+        """Plain values for JSON; null for what is not known."""
+        best, sigmas = self.best, self.sigmas
+        return {
+            "photo": str(self.path),
+            "located": best is not None,
+            "reason": self.reason or None,
+            **_pose(best.view if best else None),
+            "intrinsics": self._intrinsics(best.view) if best else None,
+            "intrinsics_source": self.camera.source,
+            "features": len(self.photo.features),
+            "matches": self.result.matches,
+            "inliers": self.result.inliers,
+            "sigma_position_m": sigmas.position_m.tolist() if sigmas else None,
+            "sigma_rotation_deg": np.rad2deg(sigmas.rotation_rad).tolist() if sigmas else None,
+            "confidence": None,
+            "hypotheses": [
+                _pose(h.view) | {"inliers": h.inliers, "evidence": round(h.evidence, 2)}
+                for h in self.result.hypotheses
+            ],
+            "seconds": self.seconds,
+        }
+
+    def _intrinsics(self, view: View) -> dict[str, Any]:
+        """The camera of the file, its focal length as it came out."""
+        k, factor = self.camera.intrinsics, view.intrinsics.fx / self.photo.intrinsics.fx
+        values = {"width": k.width, "height": k.height, "fx": k.fx * factor, "fy": k.fy * factor}
+        values |= {"cx": k.cx, "cy": k.cy, "distortion": list(k.distortion)}
+        sigma = self.sigmas.focal if self.sigmas else 0.0
+        return values | {"sigma_fx": k.fx * factor * sigma}
+
+
+@dataclass(frozen=True)
+class Unreadable:
+    """A photo that could not be read, and why."""
+
+    path: Path
+    reason: str
+
+    def as_dict(self) -> dict[str, Any]:
+        """Plain values for JSON."""
+        return {"photo": str(self.path), "located": False, "reason": self.reason}
+
+
+def summary(answer: Answer | Unreadable) -> str:
+    """A line for a person."""
+    if isinstance(answer, Unreadable):
+        return f"{answer.path}: unreadable: {answer.reason}"
+    best, sigmas = answer.best, answer.sigmas
+    if best is None or sigmas is None:
+        return f"{answer.path}: not located: {answer.reason}"
+    x, y, z = best.view.centre_world
+    forward = best.view.T_world_camera[:3, 2]
+    heading_deg = np.rad2deg(np.arctan2(forward[1], forward[0]))
+    return (
+        f"{answer.path}: at {x:.3f} {y:.3f} {z:.3f} m, heading {heading_deg:.0f} deg,"
+        f" give or take {100 * np.linalg.norm(sigmas.position_m):.1f} cm and"
+        f" {np.rad2deg(np.linalg.norm(sigmas.rotation_rad)):.2f} deg;"
+        f" {best.inliers} inliers, camera {answer.camera.source}"
+    )
+
+
+def write_csv(path: Path, answers: Iterable[Answer | Unreadable]) -> None:
+    """A header and a line for each photo; empty fields for what is not known."""
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(CSV_HEADER)
+    writer.writerows(_row(answer) for answer in answers)
+    try:
+        write_text(path, text.getvalue())
+    except OSError as error:
+        raise VnavError(
+            f"expected to write {path}, found: {error.strerror}; name another file with --csv"
+        ) from error
+
+
+def _row(answer: Answer | Unreadable) -> list[Any]:
+    if isinstance(answer, Unreadable):
+        return [answer.path, False, answer.reason, *[""] * (len(CSV_HEADER) - 3)]
+    result, sigmas = answer.result, answer.sigmas
+    pose: list[Any] = [""] * 11
+    if answer.best is not None and sigmas is not None:
+        T = answer.best.view.T_world_camera
+        numbers = [*T[:3, 3], *se3.quat_xyzw(T), *sigmas.position_m]
+        numbers.append(np.rad2deg(np.linalg.norm(sigmas.rotation_rad)))
+        pose = [f"{number:.6f}" for number in numbers]
+    located = answer.best is not None
+    return [answer.path, located, answer.reason, *pose, result.matches, result.inliers]
+
+
+def _pose(view: View | None) -> dict[str, Any]:
+    if view is None:
+        return dict.fromkeys(("T_world_camera", "position_m", "quaternion_xyzw"))
+    T = view.T_world_camera
+    return {
+        "T_world_camera": T.tolist(),
+        "position_m": T[:3, 3].tolist(),
+        "quaternion_xyzw": se3.quat_xyzw(T).tolist(),
+    }
