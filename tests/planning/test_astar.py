@@ -35,7 +35,7 @@ def _graph(costs: Costs) -> coo_matrix:
         legal, weight = (a > 0) & (b > 0), a + b
         if dr and dc:
             legal &= (costs[there[0], columns] > 0) & (costs[rows, there[1]] > 0)
-            weight = weight * 181 // 128
+            weight = (weight * 181 + 64) // 128
         moves.append((numbers[rows, columns][legal], numbers[there][legal], weight[legal]))
     i, j, weight = (np.concatenate(part) for part in zip(*moves, strict=True))
     return coo_matrix((weight, (i, j)), shape=(costs.size, costs.size))
@@ -46,7 +46,7 @@ def _cost_of(route: Route, costs: Costs) -> float:
     total = 0
     for (r, c), (i, j) in zip(route.cells[:-1].tolist(), route.cells[1:].tolist(), strict=True):
         step = int(costs[r, c]) + int(costs[i, j])
-        total += step * 181 // 128 if r != i and c != j else step
+        total += (step * 181 + 64) // 128 if r != i and c != j else step
     return total / (2 * UNIT)
 
 

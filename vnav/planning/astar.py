@@ -40,18 +40,20 @@ def search(costs: NDArray[np.int32], start: Cell, goal: Cell) -> Route | Rejecte
     """The cheapest route between two passable cells, Rejected where none joins them.
 
     ``costs`` (rows, columns) int32 says what a cell costs, in units of 1 / UNIT; 0 is blocked. A
-    straight move costs the mean of its two cells. A diagonal one costs 181/128 of that (the square
-    root of 2, less 0.01 %), and the two cells beside it must be passable. F is the cost from start
-    plus what the rest would cost on an empty grid of the least cost; along a route it never falls
-    (the heuristic is consistent), so no cell is expanded twice. A route may cost up to four million
-    cells of cost 1. ValueError where start or goal is blocked.
+    straight move costs the mean of its two cells. A diagonal one costs 181/128 of that, rounded
+    (the square root of 2, less 0.01 %), and the two cells beside it must be passable. F is the cost
+    from start plus what the rest would cost on an empty grid of the least cost; along a route it
+    never falls (the heuristic is consistent), so no cell is expanded twice. A route may cost up to
+    four million cells of cost 1. ValueError where start or goal is blocked.
     """
     if not (costs[start] > 0 and costs[goal] > 0):
         raise ValueError(f"expected passable cells, found {start} or {goal} blocked")
-    padded, least, most = _padded(costs)
     width = costs.shape[1] + 2
     first, last = (int((r + 1) * width + c + 1) for r, c in (start, goal))
-    table, expanded = _search(padded, width, first, last, least, most)
+    padded = np.zeros((costs.shape[0] + 2) * width, np.int32)
+    table = np.zeros((len(padded), 3), np.int32)
+    least, most = _fill(padded, costs)
+    expanded = _search(table, padded, width, (first, last), (least, most))
     if table[last, _G] == 0:
         return Rejected("no path joins start and goal")
     nodes = _backtracked(table, padded, width, first, last)
@@ -60,10 +62,9 @@ def search(costs: NDArray[np.int32], start: Cell, goal: Cell) -> Route | Rejecte
 
 
 @njit(cache=True)  # type: ignore[untyped-decorator]
-def _padded(costs: Table) -> tuple[Table, int, int]:
-    """The cells in one row, within a blocked rim; least and greatest cost of a passable one."""
+def _fill(padded: Table, costs: Table) -> tuple[int, int]:
+    """Enter the costs row by row within a blocked rim; least and greatest of a passable cell."""
     rows, columns = costs.shape
-    padded = np.zeros((rows + 2) * (columns + 2), np.int32)
     least, most = 2**31, 1
     for r in range(rows):
         for c in range(columns):
@@ -71,15 +72,15 @@ def _padded(costs: Table) -> tuple[Table, int, int]:
             if cost > 0:
                 padded[(r + 1) * (columns + 2) + c + 1] = cost
                 least, most = min(least, cost), max(most, cost)
-    return padded, least, most
+    return least, most
 
 
 @njit(cache=True)  # type: ignore[untyped-decorator]
 def _search(
-    costs: Table, width: int, start: int, goal: int, least: int, most: int
-) -> tuple[Table, int]:
-    """The table with the cost from start of every cell that may lead to goal; cells expanded."""
-    table = np.zeros((len(costs), 3), np.int32)
+    table: Table, costs: Table, width: int, ends: tuple[int, int], extremes: tuple[int, int]
+) -> int:
+    """Enter the cost from start of every cell that may lead to goal; how many were expanded."""
+    (start, goal), (least, most) = ends, extremes
     heads = np.zeros(_power_of_two_above(2 * _across(2 * most)), np.int32)
     to_goal = (goal // width, goal % width, 2 * least, _across(2 * least))
     f = _START + _heuristic(start // width, start % width, to_goal)
@@ -120,13 +121,13 @@ def _search(
                 queued += 1
                 if other == goal:
                     best = so_far + step
-    return table, expanded
+    return expanded
 
 
 @njit(cache=True)  # type: ignore[untyped-decorator]
 def _across(straight: int) -> int:
     """What a diagonal move costs where a straight one costs this much."""
-    return (straight * 181) >> 7
+    return (straight * 181 + 64) >> 7
 
 
 @njit(cache=True)  # type: ignore[untyped-decorator]

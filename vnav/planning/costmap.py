@@ -64,26 +64,32 @@ def _distances(occupied: NDArray[np.bool_]) -> Array:
 
 @njit(cache=True)  # type: ignore[untyped-decorator]
 def _squared_distances(occupied: NDArray[np.bool_]) -> Array:
+    """First along each column, then along each row."""
     rows, columns = occupied.shape
-    squared = np.full((rows, columns), np.inf)
+    along, squared = np.full((rows, columns), np.inf), np.full((rows, columns), np.inf)
     for c in range(columns):
-        for begin, end, step in ((0, rows, 1), (rows - 1, -1, -1)):
+        for forth in (True, False):
             away = np.inf
-            for r in range(begin, end, step):
+            for k in range(rows):
+                r = k if forth else rows - 1 - k
                 away = 0.0 if occupied[r, c] else away + 1
-                squared[r, c] = min(squared[r, c], away * away)
+                along[r, c] = min(along[r, c], away * away)
+    lowest, begins = np.zeros(columns, np.int64), np.zeros(columns)
     for r in range(rows):
-        squared[r] = _lower_envelope(squared[r])
+        _lower_envelope(along[r], lowest, begins, squared[r])
     return squared
 
 
 @njit(cache=True)  # type: ignore[untyped-decorator]
-def _lower_envelope(heights: Array) -> Array:
-    """The least of the parabolas ``heights[c] + (x - c)**2`` at each x."""
-    n = len(heights)
-    lowest, begins = np.zeros(n, np.int64), np.empty(n)
+def _lower_envelope(
+    heights: Array, lowest: NDArray[np.int64], begins: Array, result: Array
+) -> None:
+    """Enter the least of the parabolas ``heights[c] + (x - c)**2`` at each x.
+
+    ``lowest`` and ``begins`` are room for which of them is the least from where on.
+    """
     count = 0
-    for c in range(n):
+    for c in range(len(heights)):
         if heights[c] == np.inf:
             continue
         begin = -np.inf
@@ -92,16 +98,17 @@ def _lower_envelope(heights: Array) -> Array:
             begin = (heights[c] - heights[last] + c * c - last * last) / (2 * (c - last))
             if begin > begins[count - 1]:
                 break
-            count -= 1
             begin = -np.inf
-        lowest[count], begins[count] = c, begin
+            count -= 1
+        lowest[count] = c
+        begins[count] = begin
         count += 1
-    result, k = np.full(n, np.inf), 0
-    for x in range(n if count > 0 else 0):
+    k = 0
+    for x in range(len(heights) if count > 0 else 0):
         while k + 1 < count and begins[k + 1] < x:
             k += 1
-        result[x] = heights[lowest[k]] + (x - lowest[k]) ** 2
-    return result
+        away = x - lowest[k]
+        result[x] = heights[lowest[k]] + away * away
 
 
 @njit(cache=True)  # type: ignore[untyped-decorator]

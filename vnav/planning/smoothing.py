@@ -85,21 +85,11 @@ def _chain(points: Array, costs: Costs) -> NDArray[np.int64]:
     return np.array(kept[::-1])
 
 
-@njit(cache=True)  # type: ignore[untyped-decorator]
 def _cut_corners(path: Array, costs: Costs) -> Array:
     """Each corner replaced by the segment from a quarter before it to a quarter after it."""
     rounder = [path[0]]
-    for k in range(1, len(path) - 1):
-        before = path[k] + (path[k - 1] - path[k]) / 4
-        after = path[k] + (path[k + 1] - path[k]) / 4
-        along = segment_cost(costs, before, path[k]) + segment_cost(costs, path[k], after)
-        if segment_cost(costs, before, after) <= along + _SAME:
-            rounder.append(before)
-            rounder.append(after)
-        else:
-            rounder.append(path[k])
-    rounder.append(path[-1])
-    result = np.empty((len(rounder), 2))
-    for k in range(len(rounder)):
-        result[k] = rounder[k]
-    return result
+    for before, corner, after in zip(path, path[1:], path[2:], strict=False):
+        a, b = corner + (before - corner) / 4, corner + (after - corner) / 4
+        along = segment_cost(costs, a, corner) + segment_cost(costs, corner, b)
+        rounder += [a, b] if segment_cost(costs, a, b) <= along + _SAME else [corner]
+    return np.array([*rounder, path[-1]])
