@@ -45,7 +45,8 @@ def _lines(values: dict[str, Any]) -> Iterator[tuple[str, str]]:
     if "grid" in values:
         yield "grid", _grid(values["grid"])
     if values["current"]:
-        yield "current", json.dumps(values["current"])
+        plain = {k: v for k, v in values["current"].items() if not isinstance(v, list | dict)}
+        yield "located", ", ".join(f"{name} {value}" for name, value in plain.items())
     for name, stage in values["stages"].items():
         seconds = "" if stage["seconds"] is None else f"{stage['seconds']:8.1f} s"
         yield "stage", f"{name:12}{stage['state']:9}{stage['size_mb']:8.1f} MB{seconds}"

@@ -11,6 +11,7 @@ from click.testing import CliRunner, Result
 
 from vnav.cli.main import cli
 from vnav.errors import MapError, StaleArtifact
+from vnav.io.map_folder import MapFolder
 from vnav.io.ply import read_cloud, read_mesh
 from vnav.io.trajectories import read_tum
 
@@ -35,10 +36,14 @@ def test_info_as_json_is_one_object(fused_map: Path) -> None:
 
 
 def test_info_of_an_empty_map_is_no_error(tmp_path: Path) -> None:
-    from vnav.io.map_folder import MapFolder
-
     MapFolder.create(tmp_path / "map")
     assert "missing" in run("info", tmp_path / "map").output
+
+
+def test_info_tells_which_photo_was_located_last(tmp_path: Path) -> None:
+    MapFolder.create(tmp_path / "map").write_current({"photo": "a.jpg", "T": [[1.0, 0.0]]})
+    lines = run("info", tmp_path / "map").output.splitlines()
+    assert "located     photo a.jpg" in lines
 
 
 @pytest.mark.parametrize("command", ["info", "report", "export"])
