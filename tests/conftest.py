@@ -49,7 +49,6 @@ def posed_map(tmp_path_factory: pytest.TempPathFactory, tiny_capture: Path) -> P
         LoopVerdict,
         Odometry,
         OptimisedMap,
-        Sightings,
         World,
     )
     from vnav.io import artifacts
@@ -71,7 +70,7 @@ def posed_map(tmp_path_factory: pytest.TempPathFactory, tiny_capture: Path) -> P
     keyframes = tuple(Keyframe(r, none, empty.reshape(0, 3)) for r in range(0, count, 5))
     table = FrameTable(np.zeros(count), np.arange(count), truth.stamps_s)
     reasons = tuple("too dark" if row == lost else "" for row in range(count))
-    odometry = Odometry(table, poses, segment, reasons, (), keyframes, Sightings.joined(()))
+    odometry = Odometry(table, poses, segment, reasons, (), keyframes)
     with folder.writing("odometry", {}, {}) as draft:
         artifacts.save_odometry(draft, odometry)
         for keyframe in keyframes:

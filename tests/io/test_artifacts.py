@@ -16,7 +16,6 @@ from vnav.core.mapping import (
     LoopVerdict,
     Odometry,
     OptimisedMap,
-    Sightings,
     World,
 )
 from vnav.errors import MapError
@@ -59,13 +58,6 @@ def edges(count: int) -> tuple[Edge, ...]:
 def odometry(keyframes: int = 2, edge_count: int = 2) -> Odometry:
     poses = se3.exp(RNG.standard_normal((4, 6)))
     poses[2] = np.nan
-    sightings = Sightings(
-        np.array([0, 1], np.int32),
-        np.array([3, 4], np.int32),
-        np.array([1, 3], np.int32),
-        RNG.random((2, 2)).astype(np.float32),
-        np.array([1.5, np.nan], np.float32),
-    )
     return Odometry(
         FrameTable(np.array([0, 0, 0, 1]), np.array([0, 1, 2, 0]), np.array([1.0, 1.1, 1.2, 1.0])),
         poses,
@@ -73,7 +65,6 @@ def odometry(keyframes: int = 2, edge_count: int = 2) -> Odometry:
         ("", "", "expected an image in 'rgb/2.png', found none", ""),
         edges(edge_count),
         tuple(keyframe(row, 7 - row) for row in range(keyframes)),
-        sightings,
     )
 
 
@@ -182,7 +173,7 @@ def other(path: Path) -> None:
 
 
 @pytest.mark.parametrize("damage", [cut, emptied, altered, other, Path.unlink])
-@pytest.mark.parametrize("name", ["frames.npz", "keyframes.npz", "edges.npz", "sightings.npz"])
+@pytest.mark.parametrize("name", ["frames.npz", "keyframes.npz", "edges.npz"])
 def test_damaged_arrays_are_a_map_error_that_names_the_file(
     folder: MapFolder, name: str, damage: Callable[[Path], None]
 ) -> None:

@@ -80,7 +80,6 @@ def first_frames(odometry: Odometry, count: int, cut: int | None = None) -> Odom
         ("",) * count,
         tuple(inside),
         keyframes,
-        odometry.sightings,
     )
 
 

@@ -1,6 +1,5 @@
 """What the stages of a map hand to each other."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -56,29 +55,6 @@ class Keyframe:
 
 
 @dataclass(frozen=True)
-class Sightings:
-    """Features of keyframes seen again in other frames; what odometry's inliers are kept as.
-
-    Row by row: the ``feature`` of keyframe number ``keyframe`` was seen by frame ``row`` at
-    ``px`` (M, 2) and, NaN if none, ``depth_m`` (M,).
-    """
-
-    keyframe: NDArray[np.int32]
-    feature: NDArray[np.int32]
-    row: NDArray[np.int32]
-    px: NDArray[np.float32]
-    depth_m: NDArray[np.float32]
-
-    @classmethod
-    def joined(cls, parts: Sequence["Sightings"]) -> "Sightings":
-        """All parts, one after another; no parts give no rows."""
-        none = np.zeros(0, np.int32), np.zeros(0, np.int32), np.zeros(0, np.int32)
-        empty = cls(*none, np.zeros((0, 2), np.float32), np.zeros(0, np.float32))
-        columns = zip(*(vars(part).values() for part in (empty, *parts)), strict=True)
-        return cls(*(np.concatenate(column) for column in columns))
-
-
-@dataclass(frozen=True)
 class Odometry:
     """Result of the odometry stage.
 
@@ -93,7 +69,6 @@ class Odometry:
     reasons: tuple[str, ...]
     edges: tuple[Edge, ...]
     keyframes: tuple[Keyframe, ...]
-    sightings: Sightings
 
 
 @dataclass(frozen=True)

@@ -19,7 +19,6 @@ from vnav.core.mapping import (
     LoopVerdict,
     Odometry,
     OptimisedMap,
-    Sightings,
     World,
 )
 from vnav.errors import MapError
@@ -36,7 +35,7 @@ def map_camera(folder: MapFolder, capture: int = 0) -> Intrinsics:
 
 
 def save_odometry(draft: Path, odometry: Odometry) -> None:
-    """Write frames, edges, keyframes and sightings."""
+    """Write frames, edges and keyframes."""
     frames = odometry.frames
     _save(
         draft / "frames.npz",
@@ -49,7 +48,6 @@ def save_odometry(draft: Path, odometry: Odometry) -> None:
     write_text(draft / "lost.json", to_json({r: t for r, t in enumerate(odometry.reasons) if t}))
     _save(draft / "edges.npz", **edges_to_arrays(odometry.edges))
     _save(draft / "keyframes.npz", **_keyframes_to_arrays(odometry.keyframes))
-    _save(draft / "sightings.npz", **vars(odometry.sightings))
 
 
 def load_odometry(folder: MapFolder) -> Odometry:
@@ -64,7 +62,6 @@ def load_odometry(folder: MapFolder) -> Odometry:
         tuple(lost.get(str(row), "") for row in range(len(frames["index"]))),
         edges_from_arrays(_load(stage / "edges.npz")),
         _keyframes_from_arrays(_load(stage / "keyframes.npz")),
-        Sightings(**_load(stage / "sightings.npz")),
     )
 
 

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from vnav.config import Config
 from vnav.core import se3
 from vnav.core.frame import Edge, Frame, PoseEstimate, Rejected
-from vnav.core.mapping import LOST, FrameTable, Keyframe, Odometry, Sightings
+from vnav.core.mapping import LOST, FrameTable, Keyframe, Odometry
 from vnav.core.progress import Progress, silent
 from vnav.core.report import Report
 from vnav.errors import CaptureError
@@ -79,7 +79,6 @@ class Tracker:
         self._motion = Motion()
         self._edges: list[Edge] = []
         self._reasons: dict[int, str] = {}
-        self._sightings: list[Sightings] = []
 
     def add(self, view: Keyframe, sensor: Sensor) -> bool:
         """Follow the next frame; True where it is kept as a keyframe."""
@@ -135,10 +134,7 @@ class Tracker:
         self, target: Keyframe, view: Keyframe, sensor: Sensor
     ) -> PoseEstimate | Rejected:
         rng = np.random.default_rng([self._config.seed, target.row, view.row])
-        estimate = register(target, view, sensor, rng, self._motion.predicted(target.row))
-        if target is self._keyframes[-1] and isinstance(estimate, PoseEstimate):
-            self._sightings.append(_sightings(len(self._keyframes) - 1, view, estimate))
-        return estimate
+        return register(target, view, sensor, rng, self._motion.predicted(target.row))
 
     def _is_keyframe(self, view: Keyframe, found: dict[int, PoseEstimate]) -> bool:
         """By motion and shared view; also where the last keyframe is out of sight."""
@@ -171,15 +167,8 @@ class Tracker:
             self._reasons.get(row, "") if segment[row] == LOST or alone[row] else ""
             for row in range(len(frames))
         )
-        return Odometry(
-            frames,
-            poses,
-            segment,
-            reasons,
-            tuple(self._edges),
-            tuple(self._keyframes),
-            Sightings.joined(self._sightings),
-        )
+        edges, keyframes = tuple(self._edges), tuple(self._keyframes)
+        return Odometry(frames, poses, segment, reasons, edges, keyframes)
 
 
 class Motion:
@@ -265,19 +254,6 @@ def _frame_table(captures: Sequence[Capture]) -> FrameTable:
     stamps = [captures[c].stamp_s(i) for c, i in keys]
     table = np.array(keys, np.int32).reshape(-1, 2)
     return FrameTable(table[:, 0], table[:, 1], np.array(stamps))
-
-
-def _sightings(number: int, view: Keyframe, estimate: PoseEstimate) -> Sightings:
-    """The inliers between keyframe ``number`` and a frame."""
-    in_keyframe, in_view = estimate.inliers.T
-    count = len(in_keyframe)
-    return Sightings(
-        np.full(count, number, np.int32),
-        in_keyframe,
-        np.full(count, view.row, np.int32),
-        view.features.keypoints_px[in_view],
-        view.points_camera[in_view, 2],
-    )
 
 
 def _described(number: int, capture: Capture) -> dict[str, object]:
