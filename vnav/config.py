@@ -73,7 +73,7 @@ class VocabularyConfig:
     branching: int = 10
     max_levels: int = 5
     max_descriptors: int = 200_000
-    min_leaf: int = 16  # a node with fewer descriptors is not split
+    min_leaf: int = 50  # a node with fewer is not split: smaller ones cost most of the time
 
 
 @dataclass(frozen=True)
