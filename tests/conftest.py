@@ -8,11 +8,9 @@ import pytest
 @pytest.fixture(scope="session")
 def tiny_capture(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A TUM folder of one synthetic room: 60 frames of 320 x 240 that close a loop, 4 photos."""
-    from vnav.synthetic import MINIATURE, write_capture  # numba: only where it is needed
+    from vnav.synthetic import MINIATURE, cached_capture  # numba: only where it is needed
 
-    folder = tmp_path_factory.mktemp("captures") / "miniature"
-    write_capture(folder, MINIATURE)
-    return folder
+    return cached_capture(MINIATURE, tmp_path_factory.mktemp("captures"))
 
 
 @pytest.fixture(scope="session")

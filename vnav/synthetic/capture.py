@@ -47,13 +47,22 @@ class CaptureSpec:
     pitch_deg: float = -18.0
     seed: int = 0
     sensor: Sensor = Sensor()
+    name: str = "capture"  # of its folder in the cache
 
 
 KINECT = Intrinsics(640, 480, 525.0, 525.0, 319.5, 239.5)
 PHONE = Intrinsics(800, 600, 655.0, 655.0, 403.2, 297.4)
-DEMO = CaptureSpec("apartment", 200, 12, KINECT, PHONE)
+DEMO = CaptureSpec("apartment", 200, 12, KINECT, PHONE, name="apartment")
 MINIATURE = CaptureSpec(
-    "one_room", 60, 4, KINECT.scaled(320, 240), PHONE, rate_hz=5.0, height_m=1.1, pitch_deg=-20.0
+    "one_room",
+    60,
+    4,
+    KINECT.scaled(320, 240),
+    PHONE,
+    rate_hz=5.0,
+    height_m=1.1,
+    pitch_deg=-20.0,
+    name="miniature",
 )
 
 
@@ -66,13 +75,13 @@ def cached_capture(
     cannot be written.
     """
     cache = cache or Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "vnav"
-    folder = cache / _fingerprint(spec) / spec.scene
+    folder = cache / _fingerprint(spec) / spec.name
     if folder.is_dir():
         return folder
     try:
         cache.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryDirectory(dir=cache) as draft:
-            write_capture(Path(draft) / "whole" / spec.scene, spec, progress)
+            write_capture(Path(draft) / "whole" / spec.name, spec, progress)
             (Path(draft) / "whole").rename(folder.parent)
     except OSError as error:
         raise CaptureError(

@@ -1,0 +1,159 @@
+"""The whole chain on a rendered apartment, and how true its answers are."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vnav import metrics
+from vnav.config import Config
+from vnav.core import se3
+from vnav.core.frame import Rejected
+from vnav.core.grid import OCCUPIED, Grid
+from vnav.core.progress import Progress, silent
+from vnav.core.report import Report
+from vnav.io.capture import open_capture
+from vnav.io.grid_files import read_grid
+from vnav.io.map_folder import MapFolder
+from vnav.io.trajectories import read_tum
+from vnav.planning.planner import Plan
+from vnav.stages import overlay, plan, plan_picture, report
+from vnav.stages.answer import Answer
+from vnav.stages.build_map import build_map
+from vnav.stages.locate import Locator, locate, remember
+from vnav.stages.score import Score, score
+from vnav.synthetic.capture import DEMO, CaptureSpec, cached_capture
+
+STEP_M = 0.01  # along a path, where its clearance is measured
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Demo:
+    """What was made and answered; ``photos`` in order, ``ends`` the two that the path joins."""
+
+    capture: Path
+    folder: MapFolder
+    reports: list[Report]
+    photos: list[Answer]
+    ends: tuple[Answer, Answer]
+    path: plan.Answer
+
+    @property
+    def succeeded(self) -> bool:
+        """Whether both photos were located and joined by a path."""
+        return isinstance(self.path.plan, Plan)
+
+
+def run(
+    out: Path,
+    config: Config,
+    *,
+    spec: CaptureSpec = DEMO,
+    cache: Path | None = None,
+    progress: Progress = silent,
+) -> Demo:
+    """Render a capture, map it, locate its photos, plan a path between the two farthest apart.
+
+    Writes the map to ``out``/map, photo.jpg and path.png beside it. What is there and up to date
+    is kept. MapError where ``out`` cannot be written.
+    """
+    capture = cached_capture(spec, cache, progress)
+    folder = MapFolder.create(out / "map")
+    reports = build_map(folder, [open_capture(capture, config.capture)], config, progress=progress)
+    report.write(folder)
+
+    locator = Locator(folder, config)
+    files = sorted((capture / "photos").glob("*.jpg"))
+    photos = [a for a in locate(locator, files, progress=progress) if isinstance(a, Answer)]
+    ends = _farthest_apart(photos, _true_poses(capture))
+    remember(folder, ends[0])
+    overlay.draw(ends[0], locator.atlas, out / "photo.jpg")
+
+    poses = {answer.path: _pose(answer) for answer in ends}
+    start, goal = (str(answer.path) for answer in ends)
+    path = plan.plan(folder, start, goal, config.plan, poses.__getitem__)
+    plan_picture.write_picture(out / "path.png", path, config.plan)
+    return Demo(capture, folder, reports, photos, ends, path)
+
+
+def truth(demo: Demo) -> list[str]:
+    """Lines that say how far the map, the photos and the path are from what was rendered."""
+    trajectory = demo.folder.stage("optimise") / "trajectory_0.tum"
+    scored = score(read_tum(trajectory), read_tum(demo.capture / "groundtruth.txt"), 0.02)
+    return [
+        _about_map(scored),
+        _about_photos(demo.photos, _true_poses(demo.capture), scored.ate.T_truth_world),
+        _about_path(demo, scored.ate.T_truth_world),
+    ]
+
+
+def clearance_m(path: Array, T_truth_world: Array, grid: Grid) -> float:
+    """Distance between a path (K, 2 or more: x, y) of the map and what the true grid has occupied.
+
+    Measured to the cells' nearest edges; infinite on a grid without obstacles, 0 inside one.
+    """
+    steps = np.hypot(*np.diff(path[:, :2], axis=0).T)
+    along = np.append(0.0, np.cumsum(steps))
+    at = np.arange(0, along[-1] + STEP_M, STEP_M)
+    points = np.stack([np.interp(at, along, path[:, k]) for k in (0, 1)] + [0 * at], 1)
+    xy = se3.transform(T_truth_world, points)[:, None, :2]
+    blocked = grid.centres_of(np.argwhere(grid.cells == OCCUPIED))
+    gaps = np.maximum(np.abs(xy - blocked) - grid.resolution_m / 2, 0)
+    return float(np.hypot(gaps[..., 0], gaps[..., 1]).min(initial=np.inf))
+
+
+def _about_map(scored: Score) -> str:
+    ate = scored.ate
+    return (
+        f"map     {scored.pairs} of {scored.truth_poses} frames have a pose, off by"
+        f" {1000 * ate.translation_m.rmse:.1f} mm (ATE RMSE) on a walk of {scored.paths_m[0]:.1f} m"
+    )
+
+
+def _about_photos(photos: list[Answer], true_poses: dict[str, Array], T_truth_world: Array) -> str:
+    found = [answer for answer in photos if answer.best is not None]
+    line = f"photos  {len(found)} of {len(photos)} located"
+    if not found:
+        return line
+    off_m, off_deg = metrics.relocalisation_error(
+        [T_truth_world @ a.best.view.T_world_camera for a in found if a.best],
+        [true_poses[a.path.name] for a in found],
+    )
+    return (
+        f"{line}, off by {100 * np.median(off_m):.1f} cm and {np.median(off_deg):.2f} deg in the"
+        f" median, {100 * off_m.max():.1f} cm and {off_deg.max():.2f} deg at most"
+    )
+
+
+def _about_path(demo: Demo, T_truth_world: Array) -> str:
+    found = demo.path.plan
+    start, goal = (answer.path.name for answer in demo.ends)
+    if isinstance(found, Rejected):
+        return f"path    from {start} to {goal}: none, {found.reason}"
+    grid = read_grid(demo.capture / "truth" / "grid.yaml")
+    return (
+        f"path    from {start} to {goal}: {found.length_m:.2f} m, never nearer than"
+        f" {clearance_m(found.poses, T_truth_world, grid):.2f} m to what really stands there"
+    )
+
+
+def _pose(answer: Answer) -> Array | Rejected:
+    return answer.best.view.T_world_camera if answer.best else Rejected(answer.reason)
+
+
+def _farthest_apart(photos: list[Answer], true_poses: dict[str, Array]) -> tuple[Answer, Answer]:
+    positions = np.array([true_poses[answer.path.name][:3, 3] for answer in photos])
+    apart = np.linalg.norm(positions[:, None] - positions, axis=-1)
+    i, j = np.unravel_index(int(apart.argmax()), apart.shape)
+    return photos[i], photos[j]
+
+
+def _true_poses(capture: Path) -> dict[str, Array]:
+    """Each photo's name and its true T_world_camera."""
+    lines = (capture / "photos" / "groundtruth.txt").read_text("utf-8").splitlines()[1:]
+    rows = [line.split() for line in lines]
+    values = np.array([row[1:] for row in rows], float)
+    poses = se3.make(se3.rotation_from_quat(values[:, 3:]), values[:, :3])
+    return dict(zip((row[0] for row in rows), poses, strict=True))
