@@ -3,13 +3,14 @@
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from vnav.config import PlanConfig
+from vnav.config import Config, PlanConfig
 from vnav.core.frame import Rejected
 from vnav.core.grid import Grid
 from vnav.core.mapping import OptimisedMap
@@ -19,6 +20,9 @@ from vnav.io.grid_files import read_grid
 from vnav.io.map_folder import MapFolder, write_text
 from vnav.planning.ends import End, Point
 from vnav.planning.planner import Plan, heading_rad, plan_path
+
+if TYPE_CHECKING:
+    from vnav.stages.locate import Locator
 
 CURRENT = "current"
 Locate = Callable[[Path], NDArray[np.float64] | Rejected]  # a photo's T_world_camera
@@ -79,6 +83,25 @@ def plan(folder: MapFolder, start: str, goal: str, config: PlanConfig, locate: L
     spent = np.round(np.diff(clock), 3).tolist()
     seconds = dict(zip(("load", "locate", "plan"), spent, strict=True))
     return Answer(found, places, grid, uncertainty_m, seconds)
+
+
+def photo_locator(folder: MapFolder, config: Config, camera: Path | str | None) -> Locate:
+    """Find photos in a map, which is loaded with the first of them; what is found is not kept.
+
+    ``camera``: of all photos, a camera.toml or "auto"; None where each has its own.
+    """
+
+    @cache
+    def locator() -> "Locator":
+        from vnav.stages.locate import Locator
+
+        return Locator(folder, config, camera)
+
+    def locate(photo: Path) -> NDArray[np.float64] | Rejected:
+        answer = locator().locate(photo)
+        return answer.best.view.T_world_camera if answer.best else Rejected(answer.reason)
+
+    return locate
 
 
 def map_uncertainty_m(optimised: OptimisedMap) -> float:

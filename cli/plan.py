@@ -1,0 +1,96 @@
+"""Plan a path from one place in a map to another."""
+
+import dataclasses
+import json
+from pathlib import Path
+from typing import Any
+
+import click
+
+from vnav.cli.locate import CAMERA_HELP
+from vnav.cli.options import config_options, map_option
+
+
+@click.command()
+@click.option(
+    "--from",
+    "start",
+    required=True,
+    metavar="current|PHOTO|X,Y",
+    help="Where the path begins: the last located photo, a photo, or metres in the map's world.",
+)
+@click.option(
+    "--to", "goal", required=True, metavar="PHOTO|X,Y", help="Where it ends, and the robot looks."
+)
+@map_option
+@config_options
+@click.option("--camera", metavar="FILE|auto", help=CAMERA_HELP)
+@click.option(
+    "--robot-radius",
+    "robot_radius_m",
+    metavar="M",
+    type=click.FloatRange(min=0),
+    help="The robot's radius in metres; 0.2 by default.",
+)
+@click.option(
+    "--tolerance",
+    "tolerance_m",
+    metavar="M",
+    type=click.FloatRange(min=0),
+    help="How far start and goal may be moved to where the robot can be; 0.5 m by default.",
+)
+@click.option("--allow-unknown", is_flag=True, help="Cross space that was never seen.")
+@click.option("--json", "as_json", is_flag=True, help="Print the answer as one JSON object.")
+@click.option("--csv", "csv_file", type=click.Path(path_type=Path), help="Write x,y,yaw too.")
+@click.option("--png", "png_file", type=click.Path(path_type=Path), help="Draw the path too.")
+def plan(
+    start: str,
+    goal: str,
+    map_dir: Path,
+    config_source: str | None,
+    settings: tuple[str, ...],
+    camera: str | None,
+    robot_radius_m: float | None,
+    tolerance_m: float | None,
+    allow_unknown: bool,
+    as_json: bool,
+    csv_file: Path | None,
+    png_file: Path | None,
+) -> int:
+    r"""Plan a path that a robot can follow, from one place in a map to another.
+
+    Exit code 0: found; 3: there is none, or a photo was not located, and the reason is given.
+
+    \b
+    vnav plan --from current --to goal.jpg --map my-map
+    vnav plan --from here.jpg --to 2.5,-1 --csv path.csv --png path.png
+    """
+    from vnav import config
+    from vnav.io.map_folder import MapFolder
+    from vnav.io.photos import AUTO
+    from vnav.planning.planner import Plan
+    from vnav.stages import plan as stage
+
+    resolved = config.load(config_source, settings)
+    asked = {"robot_radius_m": robot_radius_m, "tolerance_m": tolerance_m}
+    changes: dict[str, Any] = {name: value for name, value in asked.items() if value is not None}
+    if allow_unknown:
+        changes["allow_unknown"] = True
+    settings_of_plan = dataclasses.replace(resolved.plan, **changes)
+    of_all = Path(camera) if camera not in (None, AUTO) else camera
+
+    folder = MapFolder.open(map_dir)
+    locate = stage.photo_locator(folder, resolved, of_all)
+    answer = stage.plan(folder, start, goal, settings_of_plan, locate)
+    if csv_file and isinstance(answer.plan, Plan):
+        stage.write_csv(csv_file, answer.plan)
+    if png_file:
+        from vnav.stages.plan_picture import write_picture
+
+        write_picture(png_file, answer, settings_of_plan)
+    if as_json:
+        click.echo(json.dumps(answer.as_dict(), indent=1, allow_nan=False))
+    else:
+        for line in stage.summary(answer, start, goal):
+            click.echo(line)
+    return 0 if isinstance(answer.plan, Plan) else 3

@@ -1,0 +1,240 @@
+import csv
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from click.testing import CliRunner, Result
+from numpy.typing import NDArray
+
+from vnav.cli.main import cli
+from vnav.config import PlanConfig
+from vnav.core import se3
+from vnav.core.frame import Rejected
+from vnav.core.grid import FREE, OCCUPIED, Grid
+from vnav.core.mapping import Landmarks, OptimisedMap, World
+from vnav.errors import MapError, StaleArtifact, VnavError
+from vnav.io.artifacts import save_optimised
+from vnav.io.grid_files import write_grid
+from vnav.io.map_folder import MapFolder
+from vnav.planning.planner import Plan
+from vnav.stages.plan import Answer, map_uncertainty_m, plan, summary, write_csv
+from vnav.stages.plan_picture import plan_figure, write_picture
+
+CONFIG = PlanConfig()
+LEVEL = np.array([[0, 0, 1], [-1, 0, 0], [0, -1, 0]], float)  # looks along x
+
+
+def _optimised(sigma_m: float, position_sigma_m: float) -> OptimisedMap:
+    """One keyframe and three landmarks, as sure of where they are as said."""
+    covariance = np.diag([1e-6] * 3 + [position_sigma_m**2] * 3)[None]
+    none = np.zeros(0, np.int32)
+    landmarks = Landmarks(np.zeros((3, 3)), np.full(3, sigma_m), none, none, none)
+    return OptimisedMap(np.eye(4)[None], covariance, landmarks, World("floor", 100, 0.01))
+
+
+@pytest.fixture(scope="module")
+def rooms(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A map whose grid shows two rooms of 4 m x 5 m, joined by a door of 1 m."""
+    cells = np.full((100, 165), FREE, np.uint8)
+    cells[[0, -1]] = cells[:, [0, -1]] = cells[:, 80:84] = OCCUPIED
+    cells[40:60, 80:84] = FREE
+    folder = MapFolder.create(tmp_path_factory.mktemp("maps") / "rooms")
+    with folder.writing("optimise", {}, {}) as draft:
+        save_optimised(draft, _optimised(0.003, 0.004))
+    with folder.writing("fuse", {}, folder.inputs_of("optimise")) as draft:
+        write_grid(draft, Grid((-1.0, -2.0), 0.05, cells))
+    folder.write_current({"T_world_camera": _camera_at(0.5, 0.5, yaw_deg=90).tolist()})
+    return folder.root
+
+
+def _camera_at(x: float, y: float, yaw_deg: float) -> NDArray[np.float64]:
+    return se3.make(se3.exp_so3([0, 0, np.deg2rad(yaw_deg)]) @ LEVEL, [x, y, 1.2])
+
+
+def _blind(photo: Path) -> Rejected:
+    return Rejected("too few matches")
+
+
+def _ask(folder: Path, start: str, goal: str) -> Answer:
+    return plan(MapFolder.open(folder), start, goal, CONFIG, _blind)
+
+
+def _run(*arguments: object) -> Result:
+    return CliRunner().invoke(
+        cli, ["plan", *map(str, arguments)], standalone_mode=False, catch_exceptions=False
+    )
+
+
+def test_a_path_joins_two_points_through_the_door(rooms: Path) -> None:
+    answer = _ask(rooms, "0,2", "6, -1.5")
+    assert isinstance(answer.plan, Plan)
+    at_door = np.abs(answer.plan.poses[:, 0] - 3.1).argmin()
+    assert 0.2 < answer.plan.poses[at_door, 1] < 0.8
+    assert answer.plan.length_m < 1.1 * (np.hypot(3.1, 1.4) + np.hypot(2.9, 2.1))
+
+
+def test_current_is_where_the_last_photo_was_located_and_stays_so(rooms: Path) -> None:
+    before = (rooms / "state" / "current.json").read_bytes()
+    answer = plan(
+        MapFolder.open(rooms), "current", "goal.jpg", CONFIG, lambda _: _camera_at(2, 2, -30)
+    )
+    assert answer.as_dict()["start"]["asked"] == [0.5, 0.5]
+    assert (rooms / "state" / "current.json").read_bytes() == before
+
+
+def test_the_last_yaw_is_where_the_goals_photo_looks(rooms: Path) -> None:
+    asked: list[Path] = []
+
+    def locate(photo: Path) -> NDArray[np.float64]:
+        asked.append(photo)
+        return _camera_at(2, 2, yaw_deg=-30)
+
+    answer = plan(MapFolder.open(rooms), "0,0", "goal.jpg", CONFIG, locate)
+    assert isinstance(answer.plan, Plan)
+    assert answer.plan.poses[-1] == pytest.approx([2, 2, np.deg2rad(-30)])
+    assert asked == [Path("goal.jpg")]
+
+
+@pytest.mark.parametrize(("start", "goal"), [("a.jpg", "1,1"), ("1,1", "a.jpg")])
+def test_a_photo_that_is_not_located_gives_no_path_but_the_reason(
+    rooms: Path, start: str, goal: str
+) -> None:
+    values = _ask(rooms, start, goal).as_dict()
+    assert not values["found"]
+    assert values["reason"] == "the photo a.jpg was not located: too few matches"
+    assert values["path_m"] == []
+    assert None in (values["start"]["asked"], values["goal"]["asked"])
+
+
+def test_without_a_located_photo_current_is_an_error_that_says_what_to_do(tmp_path: Path) -> None:
+    folder = MapFolder.create(tmp_path / "map")
+    with pytest.raises(StaleArtifact, match="vnav fuse"):
+        plan(folder, "current", "1,1", CONFIG, _blind)
+    with folder.writing("optimise", {}, {}) as draft:
+        save_optimised(draft, _optimised(0.01, 0.01))
+    with folder.writing("fuse", {}, {}) as draft:
+        write_grid(draft, Grid((0, 0), 0.05, np.full((40, 40), FREE, np.uint8)))
+    with pytest.raises(MapError, match="run 'vnav locate PHOTO"):
+        plan(folder, "current", "1,1", CONFIG, _blind)
+
+
+def test_the_maps_uncertainty_is_inflated_up_to_a_limit() -> None:
+    assert map_uncertainty_m(_optimised(0.03, 0.04)) == pytest.approx(0.05, rel=1e-6)
+    assert map_uncertainty_m(_optimised(np.nan, np.nan)) == 0.0
+
+
+def test_a_map_that_is_less_sure_keeps_farther_off(rooms: Path, tmp_path: Path) -> None:
+    sure = _ask(rooms, "0,0", "-0.73,0")
+    assert sure.uncertainty_m == pytest.approx(0.005, rel=1e-6)
+    folder = MapFolder.create(tmp_path / "map")
+    with folder.writing("optimise", {}, {}) as draft:
+        save_optimised(draft, _optimised(1.0, 1.0))
+    with folder.writing("fuse", {}, {}) as draft:
+        for name in ("grid.pgm", "grid.yaml"):
+            (draft / name).write_bytes((rooms / "fuse" / name).read_bytes())
+    unsure = _ask(folder.root, "0,0", "-0.73,0")
+    assert unsure.uncertainty_m == CONFIG.max_uncertainty_m
+    assert isinstance(sure.plan, Plan)
+    assert isinstance(unsure.plan, Plan)
+    # 0.22 m from the wall: far enough for 0.205 m, not for 0.25 m
+    assert (sure.plan.goal.moved_m, unsure.plan.goal.moved_m > 0) == (0, True)
+
+
+def test_json_has_the_documented_fields(rooms: Path) -> None:
+    result = _run("--map", rooms, "--from", "-0.5,-1.5", "--to", "current", "--json")
+    values = json.loads(result.stdout)
+    assert list(values) == [
+        *("found", "reason", "path_m", "length_m", "clearance_min_m"),
+        *("start", "goal", "expanded", "seconds"),
+    ]
+    assert values["found"] is True
+    assert values["reason"] is None
+    assert values["start"] == {"asked": [-0.5, -1.5], "snapped": [-0.5, -1.5], "moved_m": 0.0}
+    assert values["path_m"][0][:2] == [-0.5, -1.5]
+    assert values["path_m"][-1] == pytest.approx([0.5, 0.5, np.pi / 2])
+    assert values["length_m"] >= np.hypot(1, 2)
+    assert values["clearance_min_m"] >= CONFIG.robot_radius_m
+    assert set(values["seconds"]) == {"load", "locate", "plan"}
+
+
+def test_no_path_is_exit_code_3_and_a_path_is_0(rooms: Path) -> None:
+    no = _run("--map", rooms, "--from", "0,0", "--to", "9,9")
+    assert no.return_value == 3
+    assert no.stdout.startswith("no path: the goal (9.00, 9.00) lies outside the grid")
+    wide = _run("--map", rooms, "--from", "0,0", "--to", "5,0", "--robot-radius", "0.6", "--json")
+    assert wide.return_value == 3
+    assert json.loads(wide.stdout)["reason"].startswith("start and goal lie in separate regions")
+    assert _run("--map", rooms, "--from", "0,0", "--to", "5,0").return_value == 0
+
+
+def test_the_summary_says_how_far_an_end_was_moved(rooms: Path) -> None:
+    lines = summary(_ask(rooms, "0,0", "3.04,2.04"), "0,0", "3.04,2.04")
+    # The wall's first cells have their centres at x = 3.025; 0.2 m, 0.005 m of uncertainty and
+    # half a diagonal from there, the nearest centre is at x = 2.775 and y = 2.025.
+    assert lines[-1] == "goal       (3.04, 2.04), moved 0.27 m to (2.78, 2.03)  3.04,2.04"
+
+
+def test_tolerance_says_how_far_an_end_may_be_moved(rooms: Path) -> None:
+    ask = ("--map", rooms, "--from", "0,0", "--to", "3.05,2.0", "--tolerance")
+    assert _run(*ask, "0.1").return_value == 3
+    assert _run(*ask, "0.6").return_value == 0
+
+
+def test_the_csv_holds_the_path(rooms: Path, tmp_path: Path) -> None:
+    path = tmp_path / "path.csv"
+    _run("--map", rooms, "--from", "0,0", "--to", "6,0", "--csv", path)
+    answer = _ask(rooms, "0,0", "6,0")
+    assert isinstance(answer.plan, Plan)
+    with path.open() as file:
+        rows = list(csv.reader(file))
+    assert rows[0] == ["x", "y", "yaw"]
+    np.testing.assert_allclose(np.array(rows[1:], float), answer.plan.poses, atol=5e-7)
+
+
+@pytest.mark.parametrize("goal", ["6,0", "9,9"])
+def test_the_picture_is_drawn_with_and_without_a_path(
+    rooms: Path, tmp_path: Path, goal: str
+) -> None:
+    path = tmp_path / "path.png"
+    _run("--map", rooms, "--from", "0,0", "--to", goal, "--png", path)
+    image = cv2.imread(str(path))
+    assert min(image.shape[:2]) > 400
+
+
+def test_the_picture_shows_path_ends_and_legend(rooms: Path) -> None:
+    answer = _ask(rooms, "0,0", "3.05,2.0")
+    figure = plan_figure(answer, CONFIG)
+    labels = [text.get_text() for text in figure.legends[0].get_texts()]
+    assert isinstance(answer.plan, Plan)
+    wanted = ["occupied", "unknown", "too near an obstacle"]
+    assert labels == [*wanted, f"path, {answer.plan.length_m:.2f} m", "start", "goal"]
+    drawn = [line.get_xydata() for line in figure.axes[0].lines]
+    assert any(np.array_equal(line, answer.plan.poses[:, :2]) for line in drawn)
+    for end in (answer.plan.start, answer.plan.goal):
+        assert any(np.array_equal(line, [end.asked]) for line in drawn)
+        assert any(np.allclose(line, [end.snapped]) for line in drawn)
+
+
+def test_a_file_that_cannot_be_written_is_an_error(rooms: Path, tmp_path: Path) -> None:
+    answer = _ask(rooms, "0,0", "6,0")
+    assert isinstance(answer.plan, Plan)
+    with pytest.raises(VnavError, match="name another file with --csv"):
+        write_csv(tmp_path / "missing" / "path.csv", answer.plan)
+    with pytest.raises(VnavError, match="name another file with --png"):
+        write_picture(tmp_path / "missing" / "path.png", answer, CONFIG)
+
+
+def test_planning_loads_no_library_it_does_not_need(rooms: Path) -> None:
+    code = (
+        "import sys; from vnav.cli.main import cli;"
+        f" cli(['plan', '--map', {str(rooms)!r}, '--from', '0,0', '--to', '6,0'],"
+        " standalone_mode=False);"
+        " heavy = {'open3d', 'sklearn', 'gtsam', 'octomap', 'matplotlib', 'scipy.ndimage'};"
+        " print(sorted(heavy & sys.modules.keys()))"
+    )
+    shown = subprocess.run([sys.executable, "-P", "-c", code], capture_output=True, check=True)
+    assert shown.stdout.decode().splitlines()[-1] == "[]"
