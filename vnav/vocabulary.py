@@ -21,6 +21,7 @@ def train(descriptors: NDArray[np.uint8], config: VocabularyConfig, seed: int) -
     More than ``config.max_descriptors`` are subsampled. The same input and seed give the same
     tree whatever the number of threads.
     """
+    import sklearn.cluster  # noqa: F401 - the limit reaches only libraries that are loaded
     from threadpoolctl import threadpool_limits
 
     rng = np.random.default_rng(seed)
