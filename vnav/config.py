@@ -142,7 +142,7 @@ class LocateConfig:
     ransac_threshold_px: float = 6.0
     ransac_iterations: int = 1000
     min_inliers: int = 12
-    min_evidence: float = 1.0  # nats for the pose against anywhere else
+    min_evidence: float = 0.5  # nats for the pose against anywhere else
     min_margin: float = 4.0  # nats for the pose against the next best
 
 
