@@ -43,9 +43,9 @@ def match(a: Features, b: Features, ratio: float, mutual: bool = True) -> NDArra
     nearest = np.empty(len(a), np.intp)
     keep = np.empty(len(a), bool)
     for start in range(0, len(a), BLOCK):
-        rows = slice(start, start + BLOCK)
-        nearest[rows], first, second = _two_nearest(fa[rows], fb)
-        keep[rows] = first < ratio**2 * second
+        block = slice(start, start + BLOCK)
+        nearest[block], first, second = _two_nearest(fa[block], fb)
+        keep[block] = first < ratio**2 * second
     rows = np.flatnonzero(keep)
     if mutual and len(rows):
         rows = rows[_gain(fb[nearest[rows]], fa).argmax(1) == rows]
