@@ -72,7 +72,8 @@ class Answer:
     def _intrinsics(self, view: View) -> dict[str, Any]:
         """The camera of the file, its focal length as it came out."""
         k, factor = self.camera.intrinsics, view.intrinsics.fx / self.photo.intrinsics.fx
-        values = {"width": k.width, "height": k.height, "fx": k.fx * factor, "fy": k.fy * factor}
+        fx, fy = k.fx * factor, k.fy * factor
+        values: dict[str, Any] = {"width": k.width, "height": k.height, "fx": fx, "fy": fy}
         values |= {"cx": k.cx, "cy": k.cy, "distortion": list(k.distortion)}
         sigma = self.sigmas.focal if self.sigmas else 0.0
         return values | {"sigma_fx": k.fx * factor * sigma}
