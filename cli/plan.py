@@ -80,7 +80,7 @@ def plan(
     of_all = Path(camera) if camera not in (None, AUTO) else camera
 
     folder = MapFolder.open(map_dir)
-    locate = stage.photo_locator(folder, resolved, of_all)
+    locate = stage.photo_locator(folder, resolved, of_all, _warn)
     answer = stage.plan(folder, start, goal, settings_of_plan, locate)
     if csv_file and isinstance(answer.plan, Plan):
         stage.write_csv(csv_file, answer.plan)
@@ -94,3 +94,7 @@ def plan(
         for line in stage.summary(answer, start, goal):
             click.echo(line)
     return 0 if isinstance(answer.plan, Plan) else 3
+
+
+def _warn(warning: str) -> None:
+    click.echo(f"vnav: warning: {warning}", err=True)

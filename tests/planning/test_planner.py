@@ -9,6 +9,7 @@ from vnav.config import PlanConfig
 from vnav.core import se3
 from vnav.core.frame import Rejected
 from vnav.core.grid import FREE, OCCUPIED, UNKNOWN, Grid
+from vnav.errors import ConfigError
 from vnav.planning.planner import Plan, heading_rad, plan_path
 
 CONFIG = PlanConfig()
@@ -144,6 +145,20 @@ def test_a_robot_too_wide_for_the_door_gets_the_reason() -> None:
     assert isinstance(refused, Rejected)
     assert "separate regions" in refused.reason
     assert "less radius than 0.45 m" in refused.reason
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"spacing_m": 0.0},
+        {"clearance_range_m": 0.0},
+        {"clearance_weight": -1.0},
+        {"unknown_cost": 0},
+    ],
+)
+def test_a_setting_that_makes_no_sense_is_an_error(change: dict[str, float]) -> None:
+    with pytest.raises(ConfigError, match=rf"plan\.{next(iter(change))} from .*, found"):
+        plan_path(ROOMS, (0.0, 0.0), (1.0, 0.0), dataclasses.replace(CONFIG, **change))
 
 
 def test_the_same_question_has_the_same_answer_to_the_last_bit() -> None:

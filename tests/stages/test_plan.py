@@ -11,7 +11,7 @@ from click.testing import CliRunner, Result
 from numpy.typing import NDArray
 
 from vnav.cli.main import cli
-from vnav.config import PlanConfig
+from vnav.config import Config, PlanConfig
 from vnav.core import se3
 from vnav.core.frame import Rejected
 from vnav.core.grid import FREE, OCCUPIED, Grid
@@ -21,7 +21,7 @@ from vnav.io.artifacts import save_optimised
 from vnav.io.grid_files import write_grid
 from vnav.io.map_folder import MapFolder
 from vnav.planning.planner import Plan
-from vnav.stages.plan import Answer, map_uncertainty_m, plan, summary, write_csv
+from vnav.stages.plan import Answer, map_uncertainty_m, photo_locator, plan, summary, write_csv
 from vnav.stages.plan_picture import plan_figure, write_picture
 
 CONFIG = PlanConfig()
@@ -108,6 +108,25 @@ def test_a_photo_that_is_not_located_gives_no_path_but_the_reason(
     assert values["reason"] == "the photo a.jpg was not located: too few matches"
     assert values["path_m"] == []
     assert None in (values["start"]["asked"], values["goal"]["asked"])
+
+
+def test_what_is_doubtful_about_a_photos_camera_is_told(
+    rooms: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    class Answered:
+        warnings, best, reason = ("camera assumed",), None, "too few matches"
+
+    class Locator:
+        def __init__(self, *_: object) -> None: ...
+
+        def locate(self, photo: Path) -> Answered:
+            return Answered()
+
+    monkeypatch.setattr("vnav.stages.locate.Locator", Locator)
+    told: list[str] = []
+    locate = photo_locator(MapFolder.open(rooms), Config(), None, told.append)
+    assert locate(Path("a.jpg")) == Rejected("too few matches")
+    assert told == ["camera assumed"]
 
 
 def test_without_a_located_photo_current_is_an_error_that_says_what_to_do(tmp_path: Path) -> None:

@@ -85,10 +85,13 @@ def plan(folder: MapFolder, start: str, goal: str, config: PlanConfig, locate: L
     return Answer(found, places, grid, uncertainty_m, seconds)
 
 
-def photo_locator(folder: MapFolder, config: Config, camera: Path | str | None) -> Locate:
+def photo_locator(
+    folder: MapFolder, config: Config, camera: Path | str | None, warn: Callable[[str], None]
+) -> Locate:
     """Find photos in a map, which is loaded with the first of them; what is found is not kept.
 
-    ``camera``: of all photos, a camera.toml or "auto"; None where each has its own.
+    ``camera``: of all photos, a camera.toml or "auto"; None where each has its own. ``warn`` is
+    told what is doubtful about a photo's camera.
     """
 
     @cache
@@ -99,6 +102,8 @@ def photo_locator(folder: MapFolder, config: Config, camera: Path | str | None) 
 
     def locate(photo: Path) -> NDArray[np.float64] | Rejected:
         answer = locator().locate(photo)
+        for warning in answer.warnings:
+            warn(warning)
         return answer.best.view.T_world_camera if answer.best else Rejected(answer.reason)
 
     return locate
