@@ -16,11 +16,11 @@ from vnav.core.frame import Rejected
 
 UNIT = 256  # what a cell of cost 1 costs
 Cell = tuple[int, int]  # row, column
-Table = NDArray[np.int32]
+Flat = NDArray[np.int32]  # a value or two for each cell, row by row
 ToGoal = tuple[int, int, int, int]  # row, column, least cost of a straight and a diagonal move
 
-_START = -(2**31) + 1  # costs from start are counted from here, so that 0 can mean: not reached
-_G, _NEXT, _PREVIOUS = 0, 1, 2  # columns of the table of cells
+_START = -(2**31) + 1  # g, the cost from start, is counted from here: so 0 means not reached
+_NEXT, _PREVIOUS = 0, 1  # columns of the links between cells of a bucket
 _MOVES = ((-1, 0), (0, -1), (0, 1), (1, 0), (-1, -1), (-1, 1), (1, -1), (1, 1))
 
 
@@ -50,59 +50,57 @@ def search(costs: NDArray[np.int32], start: Cell, goal: Cell) -> Route | Rejecte
         raise ValueError(f"expected passable cells, found {start} or {goal} blocked")
     width = costs.shape[1] + 2
     first, last = (int((r + 1) * width + c + 1) for r, c in (start, goal))
-    padded = np.zeros((costs.shape[0] + 2) * width, np.int32)
-    table = np.zeros((len(padded), 3), np.int32)
-    least, most = _fill(padded, costs)
-    expanded = _search(table, padded, width, (first, last), (least, most))
-    if table[last, _G] == 0:
+    rim = np.zeros((costs.shape[0] + 2, width), np.int32)
+    rim[1:-1, 1:-1] = costs
+    padded = rim.ravel()
+    g, links = np.zeros(padded.size, np.int32), np.empty((padded.size, 2), np.int32)
+    expanded = _search(g, links, padded, width, (first, last))
+    if g[last] == 0:
         return Rejected("no path joins start and goal")
-    nodes = _backtracked(table, padded, width, first, last)
+    nodes = _backtracked(g, padded, width, first, last)
     cells = np.stack([nodes // width, nodes % width], 1).astype(np.int32) - 1
-    return Route(cells, (int(table[last, _G]) - _START) / (2 * UNIT), expanded)
+    return Route(cells, (int(g[last]) - _START) / (2 * UNIT), expanded)
 
 
 @njit(cache=True)  # type: ignore[untyped-decorator]
-def _fill(padded: Table, costs: Table) -> tuple[int, int]:
-    """Enter the costs row by row within a blocked rim; least and greatest of a passable cell."""
-    rows, columns = costs.shape
-    least, most = 2**31, 1
-    for r in range(rows):
-        for c in range(columns):
-            cost = int(costs[r, c])
-            if cost > 0:
-                padded[(r + 1) * (columns + 2) + c + 1] = cost
-                least, most = min(least, cost), max(most, cost)
-    return least, most
+def _extremes(costs: Flat) -> tuple[int, int]:
+    """Least and greatest cost of a passable cell."""
+    least, most = np.int32(2**31 - 1), np.int32(0)
+    for cost in costs:
+        least = min(least, cost if cost > 0 else np.int32(2**31 - 1))
+        most = max(most, cost)
+    return int(least), int(most)
 
 
 @njit(cache=True)  # type: ignore[untyped-decorator]
-def _search(
-    table: Table, costs: Table, width: int, ends: tuple[int, int], extremes: tuple[int, int]
-) -> int:
-    """Enter the cost from start of every cell that may lead to goal; how many were expanded."""
-    (start, goal), (least, most) = ends, extremes
+def _search(g: Flat, links: Flat, costs: Flat, width: int, ends: tuple[int, int]) -> int:
+    """Enter the cost from start of every cell that may lead to goal; how many were expanded.
+
+    ``g`` (N,) and ``costs`` (N,) are padded grids row by row, ``links`` (N, 2) room for the queue.
+    """
+    (start, goal), (least, most) = ends, _extremes(costs)
     heads = np.zeros(_power_of_two_above(2 * _across(2 * most)), np.int32)
     to_goal = (goal // width, goal % width, 2 * least, _across(2 * least))
     f = _START + _heuristic(start // width, start % width, to_goal)
-    table[start, _G] = _START
-    _push(table, heads, start, f)
-    queued, expanded, best = 1, 0, np.int64(table[goal, _G])
+    g[start] = _START
+    _push(links, heads, start, f)
+    queued, expanded, best = 1, 0, np.int64(g[goal])
     while queued > 0 and f < best:
         node = np.int64(heads[np.uint64(f & (len(heads) - 1))])
         if node == 0:
             f += 1
             continue
-        _pop(table, heads, f)
+        _pop(links, heads, f)
         queued -= 1
         expanded += 1
         row, column = node // width, node % width
-        so_far, cost = np.int64(table[np.uint64(node), _G]), np.int64(costs[np.uint64(node)])
+        so_far, cost = np.int64(g[np.uint64(node)]), np.int64(costs[np.uint64(node)])
         up, down = costs[np.uint64(node - width)] > 0, costs[np.uint64(node + width)] > 0
         left, right = costs[np.uint64(node - 1)] > 0, costs[np.uint64(node + 1)] > 0
         for dr in range(-1, 2):
             for dc in range(-1, 2):
                 other = node + dr * width + dc
-                known = np.int64(table[np.uint64(other), _G])
+                known = np.int64(g[np.uint64(other)])
                 step = cost + costs[np.uint64(other)]
                 if known <= so_far or step == cost:
                     continue
@@ -114,10 +112,10 @@ def _search(
                 if so_far + step >= known or so_far + step + h >= best:
                     continue
                 if known < 0:
-                    _remove(table, heads, other, known + h)
+                    _remove(links, heads, other, known + h)
                     queued -= 1
-                table[np.uint64(other), _G] = so_far + step
-                _push(table, heads, other, so_far + step + h)
+                g[np.uint64(other)] = so_far + step
+                _push(links, heads, other, so_far + step + h)
                 queued += 1
                 if other == goal:
                     best = so_far + step
@@ -139,30 +137,30 @@ def _heuristic(row: int, column: int, to_goal: ToGoal) -> int:
 
 
 @njit(cache=True)  # type: ignore[untyped-decorator]
-def _push(table: Table, heads: Table, node: int, f: int) -> None:
+def _push(links: Flat, heads: Flat, node: int, f: int) -> None:
     """Put a cell at the head of the bucket of F, whose number wraps round; node 0 is no cell."""
     bucket = np.uint64(f & (len(heads) - 1))
-    table[np.uint64(node), _NEXT] = heads[bucket]
-    table[np.uint64(node), _PREVIOUS] = 0
-    table[np.uint64(heads[bucket]), _PREVIOUS] = node
+    links[np.uint64(node), _NEXT] = heads[bucket]
+    links[np.uint64(node), _PREVIOUS] = 0
+    links[np.uint64(heads[bucket]), _PREVIOUS] = node
     heads[bucket] = node
 
 
 @njit(cache=True)  # type: ignore[untyped-decorator]
-def _pop(table: Table, heads: Table, f: int) -> None:
+def _pop(links: Flat, heads: Flat, f: int) -> None:
     bucket = np.uint64(f & (len(heads) - 1))
-    heads[bucket] = table[np.uint64(heads[bucket]), _NEXT]
-    table[np.uint64(heads[bucket]), _PREVIOUS] = 0
+    heads[bucket] = links[np.uint64(heads[bucket]), _NEXT]
+    links[np.uint64(heads[bucket]), _PREVIOUS] = 0
 
 
 @njit(cache=True)  # type: ignore[untyped-decorator]
-def _remove(table: Table, heads: Table, node: int, f: int) -> None:
-    after, before = table[np.uint64(node), _NEXT], table[np.uint64(node), _PREVIOUS]
+def _remove(links: Flat, heads: Flat, node: int, f: int) -> None:
+    after, before = links[np.uint64(node), _NEXT], links[np.uint64(node), _PREVIOUS]
     if before == 0:
         heads[np.uint64(f & (len(heads) - 1))] = after
     else:
-        table[np.uint64(before), _NEXT] = after
-    table[np.uint64(after), _PREVIOUS] = before
+        links[np.uint64(before), _NEXT] = after
+    links[np.uint64(after), _PREVIOUS] = before
 
 
 @njit(cache=True)  # type: ignore[untyped-decorator]
@@ -174,18 +172,16 @@ def _power_of_two_above(value: int) -> int:
 
 
 @njit(cache=True)  # type: ignore[untyped-decorator]
-def _backtracked(
-    table: Table, costs: Table, width: int, start: int, goal: int
-) -> NDArray[np.int64]:
+def _backtracked(g: Flat, costs: Flat, width: int, start: int, goal: int) -> NDArray[np.int64]:
     """Nodes from start to goal, found backwards: which neighbour did each cost come from."""
     nodes = [goal]
     while nodes[-1] != start:
-        nodes.append(_origin(table, costs, width, nodes[-1]))
+        nodes.append(_origin(g, costs, width, nodes[-1]))
     return np.array(nodes[::-1])
 
 
 @njit(cache=True)  # type: ignore[untyped-decorator]
-def _origin(table: Table, costs: Table, width: int, node: int) -> int:
+def _origin(g: Flat, costs: Flat, width: int, node: int) -> int:
     for dr, dc in _MOVES:
         other = node + dr * width + dc
         step = np.int64(costs[node]) + costs[other]
@@ -193,6 +189,6 @@ def _origin(table: Table, costs: Table, width: int, node: int) -> int:
             step = _across(step)
             if costs[node + dr * width] == 0 or costs[node + dc] == 0:
                 continue
-        if costs[other] > 0 and table[other, _G] < 0 and table[other, _G] + step == table[node, _G]:
+        if costs[other] > 0 and g[other] < 0 and g[other] + step == g[node]:
             return other
     return node
