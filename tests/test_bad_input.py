@@ -1,5 +1,6 @@
 """Bad input ends with one line that names it and exit code 1, never with a traceback."""
 
+import json
 import shutil
 import sys
 from collections.abc import Callable
@@ -146,3 +147,29 @@ def test_a_truncated_image_is_skipped_and_named(vnav: Vnav, capture: Path) -> No
     assert f"{FRAMES - 1} of {FRAMES} frames tracked" in out
     assert damaged.name in out
     assert damaged.name in err
+
+
+def test_a_photo_that_is_no_image_is_named(vnav: Vnav, whole_map: Path, tmp_path: Path) -> None:
+    photo = tmp_path / "photo.jpg"
+    photo.write_text("no image")
+    code, out, err = vnav("locate", photo, "--map", whole_map)
+    assert code == 1
+    assert str(photo) in out + err
+    assert "Traceback" not in err
+
+
+def test_a_black_photo_is_not_located(vnav: Vnav, whole_map: Path, tmp_path: Path) -> None:
+    photo = tmp_path / "black.png"
+    cv2.imwrite(str(photo), np.zeros((240, 320, 3), np.uint8))
+    code, out, _ = vnav("locate", photo, "--map", whole_map, "--json")
+    assert code == 3
+    answer = json.loads(out)
+    assert answer["located"] is False
+    assert answer["reason"]
+    assert answer["T_world_camera"] is None
+
+
+def test_a_photo_that_is_not_there_is_named(vnav: Vnav, whole_map: Path, tmp_path: Path) -> None:
+    code, out, err = vnav("locate", tmp_path / "none.jpg", "--map", whole_map)
+    assert code == 1
+    assert str(tmp_path / "none.jpg") in out + err
