@@ -87,6 +87,20 @@ def test_a_place_is_not_moved_through_a_wall() -> None:
     assert "separate regions" in left
 
 
+def test_a_place_walled_in_is_told_from_one_too_far_away() -> None:
+    where = _map("......#...#....", robot_radius_m=0.15)
+    reason = _reason(where, (0.05, 0.05), (0.85, 0.05), tolerance_m=0.6)
+    assert "goal (0.85, 0.05) is 0.13 m from an obstacle" in reason
+    assert "and beyond an obstacle" in reason
+
+
+def test_many_places_are_looked_at_in_parts() -> None:
+    where = _map(*["." * 80] * 80, "#" * 80)
+    start, goal = _ends(where, (0.05, -0.05), (4.05, 0.05), tolerance_m=9.0)
+    assert start.cell == (1, 0)
+    assert goal.cell == (1, 40)
+
+
 def test_a_place_in_unknown_space_within_an_obstacle_may_leave_it() -> None:
     # As above a table whose top was seen only at its edge.
     where = _map(".......", ".#####.", ".#???#.", ".#####.", ".......")

@@ -10,6 +10,7 @@ from vnav.core.grid import OCCUPIED, UNKNOWN
 from vnav.planning.costmap import Costmap
 
 Point = tuple[float, float]  # x, y in the world, metres
+_AT_ONCE = 4096  # straight ways that are looked at together, so that they take little memory
 
 
 @dataclass(frozen=True)
@@ -65,10 +66,11 @@ def _choices(costmap: Costmap, point: Point, tolerance_m: float) -> _Choices:
     cells = np.argwhere(costmap.costs > 0)
     moved_m = np.hypot(*(grid.centres_of(cells) - point).T)
     moved_m[(cells == grid.cells_at(point)).all(1)] = 0
-    order = np.argsort(moved_m, kind="stable")
-    order = order[: np.searchsorted(moved_m[order], tolerance_m, "right")]
-    cells, moved_m = cells[order], moved_m[order]
-    straight = _may_move(costmap, point, grid.centres_of(cells))
+    near = np.flatnonzero(moved_m <= tolerance_m)
+    near = near[np.argsort(moved_m[near], kind="stable")]
+    cells, moved_m = cells[near], moved_m[near]
+    parts = np.array_split(grid.centres_of(cells), 1 + len(cells) // _AT_ONCE)
+    straight = np.concatenate([_may_move(costmap, point, part) for part in parts])
     return _Choices(point, cells[straight], moved_m[straight])
 
 
@@ -82,8 +84,8 @@ def _may_move(costmap: Costmap, point: Point, centres: NDArray[np.float64]) -> N
     rows, columns = np.where(inside, rows, 0), np.where(inside, columns, 0)
     states = np.where(inside, grid.cells[rows, columns], UNKNOWN)
     depth = np.where(states == OCCUPIED, 2, costmap.inflated[rows, columns] & inside)
-    still_there = np.logical_and.accumulate((states == OCCUPIED) | (states == UNKNOWN), axis=1)
-    depth = np.where(still_there, 2, depth)
+    unseen_or_solid = (states == UNKNOWN) | (states == OCCUPIED)  # an obstacle's inside is unseen
+    depth[np.logical_and.accumulate(unseen_or_solid, axis=1)] = 2
     return np.asarray((np.diff(depth, axis=1) <= 0).all(1))
 
 
@@ -106,9 +108,10 @@ def _nowhere(costmap: Costmap, name: str, point: Point, tolerance_m: float) -> s
     if not len(cells):
         return "the robot fits nowhere on this grid"
     away_m = np.hypot(*(costmap.grid.centres_of(cells) - point).T).min()
+    beyond = " and beyond an obstacle" if away_m <= tolerance_m else ""
     return (
         f"the {name} ({point[0]:.2f}, {point[1]:.2f}) {_state(costmap, point)}; the nearest cell"
-        f" the robot can be in is {away_m:.2f} m away, the tolerance is {tolerance_m:g} m"
+        f" the robot can be in is {away_m:.2f} m away{beyond}, the tolerance is {tolerance_m:g} m"
     )
 
 
