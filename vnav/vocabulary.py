@@ -33,7 +33,8 @@ def train(descriptors: NDArray[np.uint8], config: VocabularyConfig, seed: int) -
 def self_test() -> None:
     """Raise VnavError where k-means does not separate two clusters."""
     low, high = np.full((20, 128), 10, np.uint8), np.full((20, 128), 200, np.uint8)
-    tree = train(np.concatenate([low, high]), VocabularyConfig(branching=2, max_levels=1, min_leaf=2), 0)
+    config = VocabularyConfig(branching=2, max_levels=1, min_leaf=2)
+    tree = train(np.concatenate([low, high]), config, 0)
     words = tree.quantise(np.stack([low[0], high[0]]))[:, -1]
     if tree.words != 2 or words[0] == words[1]:
         raise VnavError("expected k-means to find two clusters; reinstall scikit-learn")
