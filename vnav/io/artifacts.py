@@ -1,7 +1,6 @@
 """The arrays that mapping stages leave in the map folder, saved and loaded."""
 
 import json
-import zipfile
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
@@ -22,10 +21,11 @@ from vnav.core.mapping import (
     World,
 )
 from vnav.errors import MapError
+from vnav.io.arrays_file import Arrays, load_arrays, save_arrays
 from vnav.io.map_folder import MapFolder, to_json, write_text
 
 DEPTH_UNITS_PER_METRE = 5000  # of the keyframes' depth images: 0.2 mm steps up to 13.1 m
-Arrays = dict[str, NDArray[Any]]
+MEND = "build the map anew with 'vnav build-map CAPTURE --fresh'"
 
 
 def map_camera(folder: MapFolder, capture: int = 0) -> Intrinsics:
@@ -37,7 +37,7 @@ def map_camera(folder: MapFolder, capture: int = 0) -> Intrinsics:
 def save_odometry(draft: Path, odometry: Odometry) -> None:
     """Write frames, edges and keyframes."""
     frames = odometry.frames
-    _save(
+    save_arrays(
         draft / "frames.npz",
         capture=frames.capture,
         index=frames.index,
@@ -46,8 +46,8 @@ def save_odometry(draft: Path, odometry: Odometry) -> None:
         segment=odometry.segment,
     )
     write_text(draft / "lost.json", to_json({r: t for r, t in enumerate(odometry.reasons) if t}))
-    _save(draft / "edges.npz", **edges_to_arrays(odometry.edges))
-    _save(draft / "keyframes.npz", **_keyframes_to_arrays(odometry.keyframes))
+    save_arrays(draft / "edges.npz", **edges_to_arrays(odometry.edges))
+    save_arrays(draft / "keyframes.npz", **_keyframes_to_arrays(odometry.keyframes))
 
 
 def load_odometry(folder: MapFolder) -> Odometry:
@@ -104,8 +104,8 @@ def save_loops(
 ) -> None:
     """Write every verdict, the accepted edges, and the matches (M, 4) that hold them."""
     save_verdicts(draft, verdicts)
-    _save(draft / "edges.npz", **edges_to_arrays(edges))
-    _save(draft / "matches.npz", matches=matches)
+    save_arrays(draft / "edges.npz", **edges_to_arrays(edges))
+    save_arrays(draft / "matches.npz", matches=matches)
 
 
 def save_verdicts(draft: Path, verdicts: Iterable[LoopVerdict]) -> None:
@@ -134,7 +134,7 @@ def load_loop_edges(folder: MapFolder) -> tuple[tuple[Edge, ...], NDArray[np.int
 
 def save_optimised(draft: Path, result: OptimisedMap) -> None:
     """Write poses, covariances, landmarks and the world."""
-    _save(
+    save_arrays(
         draft / "map.npz",
         T_world_camera=result.T_world_camera,
         keyframe_covariance=result.keyframe_covariance,
@@ -192,26 +192,12 @@ def _keyframes_from_arrays(arrays: Arrays) -> tuple[Keyframe, ...]:
     return tuple(keyframes)
 
 
-def _save(path: Path, **arrays: NDArray[Any]) -> None:
-    np.savez(path, **arrays)  # type: ignore[arg-type]
-
-
 def _load(path: Path) -> Arrays:
-    try:
-        with np.load(path, allow_pickle=False) as file:
-            return dict(file)
-    except (OSError, ValueError, EOFError, zipfile.BadZipFile) as error:
-        raise MapError(
-            f"expected arrays in {path}, found: {error}; build the map anew with"
-            " 'vnav build-map CAPTURE --fresh'"
-        ) from error
+    return load_arrays(path, MEND)
 
 
 def _load_json(path: Path) -> Any:
     try:
         return json.loads(path.read_text("utf-8"))
     except (OSError, ValueError) as error:
-        raise MapError(
-            f"expected JSON in {path}, found: {error}; build the map anew with"
-            " 'vnav build-map CAPTURE --fresh'"
-        ) from error
+        raise MapError(f"expected JSON in {path}, found: {error}; {MEND}") from error

@@ -2,29 +2,24 @@
 
 from pathlib import Path
 
-import numpy as np
-
 from vnav.core.tree import VocabularyTree
 from vnav.errors import MapError
+from vnav.io.arrays_file import load_arrays, save_arrays
 from vnav.io.map_folder import MapFolder
 
 NAME = "tree.npz"
 
 
 def write_tree(draft: Path, tree: VocabularyTree) -> None:
-    """Write the tree into the draft of its stage, uncompressed, so that it loads at once."""
-    with (draft / NAME).open("wb") as file:
-        np.savez(file, **tree.to_arrays())  # type: ignore[arg-type]
+    """Write the tree into the draft of its stage."""
+    save_arrays(draft / NAME, **tree.to_arrays())
 
 
 def load_tree(folder: MapFolder) -> VocabularyTree:
     """The map's tree; StaleArtifact where it was not made, MapError where it is damaged."""
     path = folder.stage("vocabulary") / NAME
+    mend = f"run 'vnav vocabulary --map {folder.root}' again"
     try:
-        with np.load(path, allow_pickle=False) as arrays:
-            return VocabularyTree.from_arrays(arrays)
-    except (OSError, ValueError, KeyError) as error:
-        raise MapError(
-            f"expected a vocabulary tree in {path}, found: {error};"
-            f" run 'vnav vocabulary --map {folder.root}' again"
-        ) from error
+        return VocabularyTree.from_arrays(load_arrays(path, mend))
+    except (ValueError, KeyError) as error:
+        raise MapError(f"expected a vocabulary tree in {path}, found: {error}; {mend}") from error
