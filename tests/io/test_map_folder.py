@@ -258,3 +258,13 @@ def test_the_record_of_a_stage_holds_no_absolute_path_and_no_time(folder: MapFol
 def test_no_number_that_json_cannot_hold_is_written(folder: MapFolder) -> None:
     with pytest.raises(ValueError, match="not JSON compliant"):
         folder.write_report("odometry", {"rms": float("nan")})
+
+
+def test_a_current_pose_of_another_world_is_forgotten(tmp_path: Path) -> None:
+    folder = MapFolder.create(tmp_path / "map")
+    with folder.writing("optimise", {"seed": 0}, {}):
+        pass
+    folder.write_current({"x": 1.5})
+    with folder.writing("optimise", {"seed": 1}, {}):
+        pass
+    assert folder.current() is None

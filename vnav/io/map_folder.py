@@ -182,12 +182,20 @@ class MapFolder:
     def write_current(self, pose: Mapping[str, Any]) -> None:
         """Remember the last located pose; OSError where the map is read-only."""
         (self.root / "state").mkdir(exist_ok=True)
-        write_text(self.root / "state" / "current.json", to_json(pose))
+        state = {"world": self._world(), "pose": dict(pose)}
+        write_text(self.root / "state" / "current.json", to_json(state))
 
     def current(self) -> dict[str, Any] | None:
-        """The last located pose, None where no photo was located yet."""
+        """The last located pose; None where no photo was located since the map got its world."""
         path = self.root / "state" / "current.json"
-        return _read_json(path) if path.is_file() else None
+        state = _read_json(path) if path.is_file() else {}
+        pose: dict[str, Any] | None = state.get("pose")
+        return pose if state.get("world") == self._world() else None
+
+    def _world(self) -> str:
+        """What the map's world frame came from, empty before there is one."""
+        path = self.root / "optimise" / "stage.json"
+        return _digest(path) if path.is_file() else ""
 
 
 def to_json(value: Any) -> str:

@@ -173,8 +173,9 @@ def _current(folder: MapFolder) -> NDArray[np.float64]:
     pose = folder.current()
     if pose is None:
         raise MapError(
-            f"expected a located photo in {folder.root}, found none yet; run 'vnav locate PHOTO"
-            f" --map {folder.root}' first, or say where from with --from PHOTO or --from X,Y"
+            f"expected a photo located in {folder.root} as it is now, found none; run"
+            f" 'vnav locate PHOTO --map {folder.root}' first, or say where from with"
+            " --from PHOTO or --from X,Y"
         )
     return np.array(pose["T_world_camera"], float)
 
