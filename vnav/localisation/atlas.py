@@ -28,6 +28,11 @@ class Atlas:
         i = self.index
         return Database(i.descriptors, i.half_norm, i.points_world[i.owner], APART_M)
 
+    @cached_property
+    def home(self) -> NDArray[np.int32]:
+        """A keyframe (L,) that saw each landmark."""
+        return self.index.seen_by[self.index.seen_start[:-1]]
+
     def words(self, rows: Rows, level: int) -> NDArray[np.int32]:
         """Nodes at a level of the tree (clamped to it) of some rows of descriptors."""
         level = self.tree.clamped(level)

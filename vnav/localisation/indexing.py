@@ -16,6 +16,7 @@ from vnav.localisation.words import half_norms
 Array = NDArray[np.float64]
 
 SAMPLE = 2000  # descriptors that the map's own statistics are taken from
+QUARTILE = 0.75
 APART_M = 0.10  # two landmarks nearer than this may be one and the same thing
 
 
@@ -46,6 +47,7 @@ def build(
     order = np.lexsort(paths.T[::-1])
     means, owner, patch_world = means[order], owner[order], patch_world[order]
     beside = _beside(landmarks, len(keyframes), config.beside_shared)
+    home = landmarks.keyframe[np.unique(landmarks.landmark, return_index=True)[1]]
     by_keyframe = np.argsort(landmarks.keyframe, kind="stable")
     return MapIndex(
         points_world=landmarks.points_world,
@@ -59,11 +61,11 @@ def build(
         seen_by=landmarks.keyframe,
         sees_start=_starts(landmarks.keyframe, len(keyframes)),
         sees=landmarks.landmark[by_keyframe],
-        neighbours=_neighbours(landmarks, beside, config.neighbours),
+        neighbours=_neighbours(landmarks.points_world, home, beside, config.neighbours),
         beside=beside,
         T_world_keyframe=np.array([k.T_world_camera for k in keyframes]).reshape(-1, 4, 4),
         keyframe_covariance=np.array([k.covariance for k in keyframes]).reshape(-1, 6, 6),
-        stranger=_stranger(means, landmarks.points_world[owner], rng),
+        stranger=_stranger(means, landmarks.points_world[owner], home[owner], beside, rng),
     )
 
 
@@ -120,20 +122,18 @@ def _beside(landmarks: Landmarks, keyframes: int, shared: int) -> NDArray[np.boo
     return np.asarray((sees.T @ sees).toarray() >= shared) | np.eye(keyframes, dtype=bool)
 
 
-def _neighbours(landmarks: Landmarks, beside: NDArray[np.bool_], count: int) -> NDArray[np.int32]:
-    """The nearest landmarks (L, count) in space among those seen from keyframes beside one's own.
+def _neighbours(
+    points: NDArray[np.float32], home: NDArray[np.int32], beside: NDArray[np.bool_], count: int
+) -> NDArray[np.int32]:
+    """The nearest landmarks (L, count) in space of those seen from keyframes beside one's home.
 
-    Claim 4, 2.6; each landmark stands for the first keyframe that saw it.
+    A landmark's home is the first keyframe that saw it. Claim 4, 2.6.
     """
     from scipy.spatial import cKDTree
 
-    itself = np.arange(len(landmarks))
-    found = np.tile(itself[:, None], (1, count))
-    if not len(landmarks):
+    found = np.tile(np.arange(len(points))[:, None], (1, count))
+    if not len(points):
         return found.astype(np.int32)
-    first = np.unique(landmarks.landmark, return_index=True)[1]
-    home = landmarks.keyframe[first]
-    points = landmarks.points_world.astype(float)
     _, near = cKDTree(points).query(points, min(2 * count, len(points)))
     near = near.reshape(len(points), -1)
     together = beside[home[:, None], home[near]]
@@ -144,9 +144,16 @@ def _neighbours(landmarks: Landmarks, beside: NDArray[np.bool_], count: int) -> 
 
 
 def _stranger(
-    descriptors: NDArray[np.uint8], points: NDArray[np.float32], rng: np.random.Generator
+    descriptors: NDArray[np.uint8],
+    points: NDArray[np.float32],
+    home: NDArray[np.int32],
+    beside: NDArray[np.bool_],
+    rng: np.random.Generator,
 ) -> NDArray[np.float32]:
-    """Upper quartile (1,) of the distances to the nearest descriptor elsewhere in the map."""
+    """How far (1,) a descriptor typically is from the nearest of another thing in its place.
+
+    The upper quartile: things that repeat themselves (bricks, tiles) do not make it small.
+    """
     count = min(SAMPLE, len(descriptors))
     sample = np.sort(rng.choice(len(descriptors), count, replace=False)) if count else np.arange(0)
     values, half_norm = descriptors.astype(np.float32), half_norms(descriptors)
@@ -155,7 +162,8 @@ def _stranger(
         half = half_norm[part, None] + half_norm - values[part] @ values.T
         near = [np.abs(points[part, None, k] - points[:, k]) < APART_M for k in range(3)]
         half[np.logical_and.reduce(near)] = np.inf
+        half[~beside[home[part]][:, home]] = np.inf
         nearest.append(np.sqrt(2 * half.min(1, initial=np.inf)))
     found = np.concatenate(nearest)
     found = found[np.isfinite(found)]
-    return np.quantile(found if len(found) else [0.0], 0.75, keepdims=True)
+    return np.quantile(found if len(found) else [0.0], QUARTILE, keepdims=True)

@@ -13,17 +13,17 @@ from vnav.localisation.evidence import evidence
 from vnav.localisation.guided import hits, matched, predict, reprojected
 from vnav.localisation.matches import Matches
 from vnav.localisation.photo import Photo
-from vnav.localisation.places import Place, places
-from vnav.localisation.ransac import Consensus, Terms, consensus
+from vnav.localisation.places import fullest, places
+from vnav.localisation.ransac import Consensus, Terms, agree
 from vnav.localisation.refine import Focal, Sightings, refine
-from vnav.localisation.search import completed, seeds
+from vnav.localisation.search import alike, completed, seeds
 from vnav.localisation.view import View
 
 Array = NDArray[np.float64]
 
 LEAST = 5  # matches that a pose can be tried with
 ATTEMPTS = 2  # poses sought in one place: repeated things in one view give several
-RIVAL_SHARE = 0.2  # of the best consensus; a smaller one is not verified
+RIVAL_SHARE = 0.2  # of the most matches that agree; a place with fewer is no rival
 FIRST_RADIUS, LAST_RADIUS = 3.0, 2.0  # of guided matching, in reprojection thresholds
 SAME_PLACE_M, SAME_PLACE_RAD = 0.25, np.deg2rad(10.0)
 
@@ -75,10 +75,14 @@ def localise(
     if len(photo.features) < config.min_features:
         return NotLocated("too few features")
     found = seeds(photo, atlas, config)
-    candidates = places(found, atlas.index, config.places, LEAST)
-    if not candidates:
+    hypotheses = _hypotheses(found, [], photo, atlas, config, rng)
+    if hypotheses and hypotheses[0].evidence >= config.min_evidence:
+        again = alike(hypotheses[0].matches.feature, photo, atlas, config)
+    else:
+        again = found = alike(np.arange(len(photo.features)), photo, atlas, config)
+    hypotheses = _hypotheses(again, hypotheses, photo, atlas, config, rng)
+    if not hypotheses and fullest(found, atlas.index) < config.min_inliers:
         return NotLocated("too few matches", len(found))
-    hypotheses = _hypotheses(candidates, photo, atlas, config, rng)
     return _verdict(hypotheses, len(found), config)
 
 
@@ -96,29 +100,34 @@ def own_focal(
 
 
 def _hypotheses(
-    candidates: list[Place],
+    found: Matches,
+    known: list[Hypothesis],
     photo: Photo,
     atlas: Atlas,
     config: LocateConfig,
     rng: np.random.Generator,
 ) -> list[Hypothesis]:
-    """The verified poses of all places, the strongest first."""
-    tried: list[Consensus] = []
-    for place in candidates:
+    """The known hypotheses and those of the places that the matches tell of, the strongest first.
+
+    A place that can only muster a small part of the fullest's matches is left.
+    """
+    views = [h.view for h in known]
+    most = max((h.inliers for h in known), default=0)
+    agreed: list[Consensus] = []
+    for place in places(found, atlas.index, config.places, max(LEAST, int(RIVAL_SHARE * most))):
         matches = completed(place.matches, photo, atlas, config)
         for _ in range(ATTEMPTS):
-            fullest = max((int(c.inliers.sum()) for c in tried), default=0)
-            least = max(LEAST, int(RIVAL_SHARE * fullest))
-            matches = _unexplained(matches, photo, atlas, [c.view for c in tried], config)
-            agreed = _consensus(matches, photo, atlas, config, least, rng)
-            if agreed is None:
+            matches = _unexplained(matches, photo, atlas, views, config)
+            least = max(LEAST, int(RIVAL_SHARE * most))
+            consensus = _consensus(matches, photo, atlas, config, least, rng)
+            if consensus is None:
                 break
-            tried.append(agreed)
-    tried.sort(key=lambda c: -int(c.inliers.sum()))
-    least = int(RIVAL_SHARE * tried[0].inliers.sum()) if tried else 0
-    views = [c.view for c in tried if c.inliers.sum() >= least]
-    verified = [_verified(view, photo, atlas, config) for view in views]
-    return sorted((h for h in verified if h is not None), key=lambda h: -h.evidence)
+            agreed.append(consensus)
+            views.append(consensus.view)
+            most = max(most, int(consensus.inliers.sum()))
+    strong = [c.view for c in agreed if c.inliers.sum() >= RIVAL_SHARE * most]
+    verified = [_verified(view, photo, atlas, config) for view in strong]
+    return sorted([*known, *(h for h in verified if h)], key=lambda h: -h.evidence)
 
 
 def _consensus(
@@ -129,10 +138,11 @@ def _consensus(
     least: int,
     rng: np.random.Generator,
 ) -> Consensus | None:
+    """A pose that ``least`` of the matches agree with, None where there is none."""
     seen = _sightings(matches, View(np.eye(4), photo.intrinsics), photo, atlas, config)
     threshold = config.ransac_threshold_px * photo.pixel
     terms = Terms(threshold, least, config.ransac_iterations, config.solver)
-    return consensus(photo.intrinsics, photo.focal, seen, terms, rng)
+    return agree(photo.intrinsics, photo.focal, seen, terms, rng)
 
 
 def _unexplained(

@@ -28,14 +28,14 @@ class Matches:
             self.feature[chosen], self.row[chosen], self.landmark[chosen], self.cost[chosen]
         )
 
-    def __add__(self, other: "Matches") -> "Matches":
-        """Both together, one to one."""
+    def joined(self, other: "Matches") -> "Matches":
+        """These, then the others."""
         return Matches(
             np.concatenate([self.feature, other.feature]),
             np.concatenate([self.row, other.row]),
             np.concatenate([self.landmark, other.landmark]),
             np.concatenate([self.cost, other.cost]),
-        ).one_to_one()
+        )
 
     def one_to_one(self) -> "Matches":
         """Each feature and each landmark once, the better match first; best first."""

@@ -30,7 +30,7 @@ def places(matches: Matches, index: MapIndex, count: int, least: int) -> list[Pl
         keyframe = int(votes.argmax())
         if votes[keyframe] < least:
             break
-        found.append(Place(keyframe, matches[seen[:, keyframe]]))
+        found.append(Place(keyframe, matches[seen[:, keyframe]].one_to_one()))
         free &= ~seen[:, keyframe]
     return found
 

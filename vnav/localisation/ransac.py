@@ -43,7 +43,7 @@ class Consensus:
     inliers: NDArray[np.bool_]
 
 
-def consensus(
+def agree(
     guess: Intrinsics, focal: Focal, seen: Sightings, terms: Terms, rng: np.random.Generator
 ) -> Consensus | None:
     """The view that most sightings, the best of them first, agree with; None where too few do."""

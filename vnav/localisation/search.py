@@ -12,10 +12,12 @@ from vnav.localisation.atlas import Atlas
 from vnav.localisation.matches import Matches, no_matches
 from vnav.localisation.photo import Photo
 from vnav.localisation.places import fullest
-from vnav.localisation.words import nearest_two
+from vnav.localisation.words import nearest_apart
 
 Rows = NDArray[np.intp]
+Floats = NDArray[np.float32]
 
+ALIKE = 4  # places that a feature may match in
 BATCH = 1000  # features, or descriptors of landmarks, searched at once
 
 
@@ -24,21 +26,36 @@ def seeds(photo: Photo, atlas: Atlas, config: LocateConfig) -> Matches:
 
     Ends when one place has enough matches (claim 4, 2.3 to 2.5, 2.9).
     """
+    return _from_photo(np.arange(len(photo.features)), 1, photo, atlas, config)
+
+
+def alike(features: Rows, photo: Photo, atlas: Atlas, config: LocateConfig) -> Matches:
+    """Matches of some features with every place that looks alike, up to `ALIKE` of them.
+
+    What repeats itself in the map has its second-nearest in another place and finds no match in
+    `seeds`; here a match has rivals only in its own place.
+    """
+    return _from_photo(features, ALIKE, photo, atlas, config)
+
+
+def _from_photo(
+    features: Rows, alike: int, photo: Photo, atlas: Atlas, config: LocateConfig
+) -> Matches:
     word = photo.paths[:, atlas.tree.clamped(config.level_2d_3d)]
     span = atlas.index.span[word]
     candidates = span[:, 1] - span[:, 0]
-    queue = np.argsort(candidates, kind="stable")
+    queue = features[np.argsort(candidates[features], kind="stable")]
     queue = queue[candidates[queue] > 0]
     found = no_matches()
     for first in range(0, len(queue), BATCH):
-        features = queue[first : first + BATCH]
-        row, distance, rival = nearest_two(
-            photo.features.descriptors[features], span[features], atlas.database
+        chosen = queue[first : first + BATCH]
+        rows, distances = nearest_apart(
+            photo.features.descriptors[chosen], span[chosen], atlas.database, max(alike, 2)
         )
-        cost = _ratio(distance, rival, atlas)
-        good = cost < config.ratio_2d_3d
-        row = row[good]
-        found += Matches(features[good], row, atlas.index.owner[row], cost[good])
+        cost = distances / _rivals(rows, distances, atlas, everywhere=alike == 1)
+        which, rank = np.nonzero(cost < config.ratio_2d_3d)
+        row = rows[which, rank]
+        found = found.joined(Matches(chosen[which], row, atlas.index.owner[row], cost[which, rank]))
         if fullest(found, atlas.index) >= config.enough_matches:
             break
     return found
@@ -60,22 +77,28 @@ def completed(found: Matches, photo: Photo, atlas: Atlas, config: LocateConfig) 
             break
         chosen = queue[first : first + BATCH]
         row = rows[chosen]
-        feature, distance, rival = nearest_two(
-            atlas.index.descriptors[row], span[chosen], photo.database
+        feature, distance = nearest_apart(
+            atlas.index.descriptors[row], span[chosen], photo.database, 2
         )
-        cost = _ratio(distance, rival, atlas)
+        cost = distance[:, 0] / _expected(distance[:, 1], atlas)
         good = cost < config.ratio_3d_2d
-        row = row[good]
-        found += Matches(feature[good], row, atlas.index.owner[row], cost[good])
+        more = Matches(feature[good, 0], row[good], atlas.index.owner[row[good]], cost[good])
+        found = found.joined(more).one_to_one()
     return found
 
 
-def _ratio(
-    distance: NDArray[np.float32], rival: NDArray[np.float32], atlas: Atlas
-) -> NDArray[np.float32]:
-    """Nearest over second-nearest distance.
+def _rivals(rows: Rows, distances: Floats, atlas: Atlas, *, everywhere: bool) -> Floats:
+    """Distance (N, K) of each candidate's nearest rival, of the same place or of everywhere."""
+    home = atlas.home[atlas.index.owner[rows]]
+    rival = atlas.index.beside[home[:, :, None], home[:, None, :]] | everywhere
+    rival &= ~np.eye(rows.shape[1], dtype=bool)
+    return _expected(np.where(rival, distances[:, None, :], np.inf).min(2), atlas)
 
-    A word may hide the second-nearest, and of a sole candidate it always does: the second-nearest
-    is never taken to be farther than where the map's landmarks typically have a stranger.
+
+def _expected(second: Floats, atlas: Atlas) -> Floats:
+    """The second-nearest distance that the ratio test takes.
+
+    A word may hide the second-nearest, and of a sole candidate it always does: it is never taken
+    to be farther than where the map's landmarks typically have a stranger.
     """
-    return np.asarray(distance / np.maximum(np.minimum(rival, atlas.index.stranger), 1), np.float32)
+    return np.asarray(np.maximum(np.minimum(second, atlas.index.stranger), 1), np.float32)

@@ -1,4 +1,4 @@
-"""Nearest and second-nearest descriptors among those that share a word."""
+"""Nearest descriptors among those that share a word."""
 
 from dataclasses import dataclass
 
@@ -32,35 +32,37 @@ def half_norms(descriptors: NDArray[np.uint8]) -> Floats:
     return np.asarray(np.einsum("ij,ij->i", values, values) / 2)
 
 
-def nearest_two(
-    queries: NDArray[np.uint8], span: NDArray[np.int32], database: Database
-) -> tuple[Rows, Floats, Floats]:
-    """Nearest row of the database in each query's range of rows, its distance, and a rival's.
+def nearest_apart(
+    queries: NDArray[np.uint8], span: NDArray[np.int32], database: Database, count: int
+) -> tuple[Rows, Floats]:
+    """The ``count`` nearest rows of the database (Q, count) in each query's range, and distances.
 
-    ``queries`` (Q, 128), ``span`` (Q, 2), none empty. The rival is the nearest that lies
-    elsewhere, inf where there is none. Linear search, as in claim 4, 2.4.
+    ``queries`` (Q, 128), ``span`` (Q, 2), none empty. Each row lies elsewhere than the nearer ones;
+    where there are no more, the distance is inf. Linear search, as in claim 4, 2.4.
     """
     order = np.argsort(span[:, 0], kind="stable")
-    best, squared, rival = _nearest_two(queries[order], span[order], database)
+    rows, squared = _nearest_apart(queries[order], span[order], database, count)
     back = np.argsort(order)
-    return best[back], np.sqrt(squared[back]), np.sqrt(rival[back])
+    return rows[back], np.sqrt(squared[back])
 
 
-def _nearest_two(
-    queries: NDArray[np.uint8], span: NDArray[np.int32], database: Database
-) -> tuple[Rows, Floats, Floats]:
+def _nearest_apart(
+    queries: NDArray[np.uint8], span: NDArray[np.int32], database: Database, count: int
+) -> tuple[Rows, Floats]:
     """The same for queries in order of their range, with squared distances."""
     source, row = ranges(span[:, 0], span[:, 1])
     squared = _squared_distances(queries, span, database, len(row))
     first = np.append(0, np.cumsum(span[:, 1] - span[:, 0])[:-1])
-    least = np.minimum.reduceat(squared, first)
-    at = np.flatnonzero(squared == least[source])
-    best = row[at[np.append(True, source[at][1:] != source[at][:-1])]]
-    elsewhere = np.zeros(len(row), bool)
-    for x in database.position.T:
-        elsewhere |= np.abs(x[row] - x[best][source]) >= database.apart
-    squared[~elsewhere] = np.inf
-    return best, least, np.minimum.reduceat(squared, first)
+    nearest, least = [], []
+    for _ in range(count):
+        least.append(np.minimum.reduceat(squared, first))
+        at = np.flatnonzero(squared == least[-1][source])
+        nearest.append(row[at[np.append(True, source[at][1:] != source[at][:-1])]])
+        near = np.ones(len(row), bool)
+        for x in database.position.T:
+            near &= np.abs(x[row] - x[nearest[-1]][source]) < database.apart
+        squared[near] = np.inf
+    return np.stack(nearest, 1), np.stack(least, 1)
 
 
 def _squared_distances(

@@ -1,0 +1,182 @@
+import dataclasses
+
+import numpy as np
+import pytest
+
+from vnav.config import LocateConfig
+from vnav.core import se3
+from vnav.localisation.localise import Located, NotLocated, localise, own_focal
+from vnav.localisation.photo import prepare
+from vnav.localisation.uncertainty import sigmas
+
+CONFIG = LocateConfig()
+POSE = (0.4, -0.3, 1.5), 40.0
+
+
+def asked(world, features, *, config=CONFIG, camera=None, focal_sigma=0.0, seed=0):
+    photo = prepare(features, camera or world.camera, focal_sigma, world.atlas.tree)
+    return localise(photo, world.atlas, config, np.random.default_rng(seed)), photo
+
+
+def errors(result, T_true):
+    T = result.best.view.T_world_camera
+    off = se3.rotation_angle(T[:3, :3].T @ T_true[:3, :3])
+    return np.linalg.norm(T[:3, 3] - T_true[:3, 3]), float(off)
+
+
+@pytest.fixture
+def photo_features(world):
+    T = world.looking(*POSE)
+    return T, world.seen(T, world.things, np.random.default_rng(5))[0]
+
+
+def test_a_photo_is_found_where_it_was_taken(world, photo_features):
+    T_true, features = photo_features
+    result, _ = asked(world, features)
+    assert isinstance(result, Located)
+    error_m, error_rad = errors(result, T_true)
+    # About 100 inliers of 0.5 px at 525 px focal length and 3 m: below 1 mm and 0.1 mrad each;
+    # the landmarks' 5 mm and the keyframes' noise leave a few millimetres.
+    assert error_m < 0.01
+    assert error_rad < 0.005
+
+
+@pytest.mark.parametrize("solver", ["p3p", "dlt"])
+def test_both_solvers_find_it(world, photo_features, solver):
+    T_true, features = photo_features
+    result, _ = asked(world, features, config=dataclasses.replace(CONFIG, solver=solver))
+    assert isinstance(result, Located)
+    assert errors(result, T_true)[0] < 0.01
+
+
+def test_the_patents_levels_find_it(world, photo_features):
+    T_true, features = photo_features
+    levels = dataclasses.replace(CONFIG, level_2d_3d=3, level_3d_2d=5)
+    result, _ = asked(world, features, config=levels)
+    assert isinstance(result, Located)
+    assert errors(result, T_true)[0] < 0.01
+
+
+def test_a_photo_turned_on_its_side_is_found(world):
+    T_true = world.looking(*POSE)
+    T_true[:3, :3] = T_true[:3, :3] @ se3.exp_so3([0, 0, np.pi / 2])
+    features, _ = world.seen(T_true, world.things, np.random.default_rng(6))
+    result, _ = asked(world, features)
+    assert isinstance(result, Located)
+    assert errors(result, T_true)[0] < 0.01
+
+
+def test_an_unknown_focal_length_is_found_with_its_uncertainty(world):
+    camera = dataclasses.replace(world.camera, fx=640.0, fy=640.0)
+    T_true = world.looking(*POSE)
+    features, _ = world.seen(T_true, world.things, np.random.default_rng(7), camera=camera)
+    result, _ = asked(world, features, focal_sigma=np.inf)  # 525 is the guess
+    assert isinstance(result, Located)
+    found, sigma = result.best.view.intrinsics.fx, sigmas(result.best, world.atlas.index).focal
+    assert abs(found / 640 - 1) < 4 * sigma
+    assert 0 < sigma < 0.01
+    assert errors(result, T_true)[0] < 0.05
+
+
+def test_a_wrong_focal_length_is_noticed(world):
+    camera = dataclasses.replace(world.camera, fx=570.0, fy=570.0)
+    features, _ = world.seen(
+        world.looking(*POSE), world.things, np.random.default_rng(8), camera=camera
+    )
+    result, photo = asked(world, features)  # taken for 525
+    assert isinstance(result, Located)
+    factor, sigma = own_focal(result.best, photo, world.atlas, CONFIG)
+    assert factor == pytest.approx(570 / 525, abs=0.02)
+    assert factor - 1 > 3 * sigma
+
+
+def test_the_right_focal_length_is_not_doubted(world, photo_features):
+    result, photo = asked(world, photo_features[1])
+    factor, sigma = own_focal(result.best, photo, world.atlas, CONFIG)
+    assert abs(factor - 1) < 4 * sigma
+
+
+def test_a_photo_of_another_room_is_not_located(world, other_room):
+    features, _ = world.seen(world.looking(*POSE), other_room, np.random.default_rng(9))
+    result, _ = asked(world, features)
+    assert isinstance(result, NotLocated)
+    assert result.reason in ("too few matches", "no consistent pose")
+
+
+def test_two_rooms_that_look_the_same_are_ambiguous(twin_world):
+    T_true = twin_world.looking(*POSE)
+    features, _ = twin_world.seen(T_true, twin_world.things, np.random.default_rng(10))
+    result, _ = asked(twin_world, features)
+    assert isinstance(result, NotLocated)
+    assert result.reason == "ambiguous"
+    centres = [h.view.centre_world for h in result.hypotheses[:2]]
+    assert abs(centres[0][0] - centres[1][0]) == pytest.approx(20, abs=0.05)
+
+
+def test_a_picture_of_a_mapped_picture_in_an_unknown_place_is_not_located(world, other_room):
+    """A few square decimetres look as on the map, all around them nothing does."""
+    near = np.linalg.norm(world.things.points - [2.7, 0.5, 1.5], axis=1) < 0.7
+    assert near.sum() > 15
+    picture = type(world.things)(
+        world.things.points[near], world.things.patches[near], world.things.descriptors[near]
+    )
+    around = np.linalg.norm(other_room.points - [2.7, 0.5, 1.5], axis=1) > 0.9
+    rest = type(world.things)(
+        other_room.points[around], other_room.patches[around], other_room.descriptors[around]
+    )
+    features, _ = world.seen(
+        world.looking((0.2, 0.0, 1.4), 10.0), picture + rest, np.random.default_rng(11), found=1.0
+    )
+    result, _ = asked(world, features)
+    assert isinstance(result, NotLocated)
+
+
+def test_few_features_are_a_reason(world, photo_features):
+    result, _ = asked(world, photo_features[1][np.arange(10)])
+    assert isinstance(result, NotLocated)
+    assert result.reason == "too few features"
+
+
+def test_no_features_at_all_are_legal(world, photo_features):
+    result, _ = asked(world, photo_features[1][np.arange(0)])
+    assert isinstance(result, NotLocated)
+
+
+def test_an_empty_map_locates_nothing(world, photo_features):
+    from vnav.config import IndexConfig, VocabularyConfig
+    from vnav.core.mapping import Landmarks
+    from vnav.localisation.atlas import Atlas
+    from vnav.localisation.indexing import build
+    from vnav.vocabulary import train
+
+    none = np.zeros(0, np.int32)
+    landmarks = Landmarks(np.zeros((0, 3)), np.zeros(0), none, none, none)
+    tree = train(np.zeros((0, 128), np.uint8), VocabularyConfig(), 0)
+    index = build(landmarks, [], tree, IndexConfig(), np.random.default_rng(0))
+    atlas = Atlas(index, tree)
+    photo = prepare(photo_features[1], world.camera, 0.0, tree)
+    result = localise(photo, atlas, CONFIG, np.random.default_rng(0))
+    assert isinstance(result, NotLocated)
+    assert result.reason == "too few matches"
+
+
+def test_the_answer_is_the_same_every_time(world, photo_features):
+    poses = [asked(world, photo_features[1])[0].best.view.T_world_camera for _ in range(2)]
+    np.testing.assert_array_equal(*poses)
+
+
+def test_standard_deviations_tell_the_size_of_the_errors(world):
+    """Over 20 photos the errors over their sigmas have a root mean square about 1.
+
+    60 numbers of unit variance: its standard deviation is 0.09; the keyframes' noise in the
+    landmarks is shared by all photos, which widens the band.
+    """
+    normed = []
+    for k in range(20):
+        rng = np.random.default_rng(100 + k)
+        T_true = world.looking((*rng.uniform(-0.6, 0.6, 2), 1.4), rng.uniform(0, 360))
+        result, _ = asked(world, world.seen(T_true, world.things, rng)[0])
+        assert isinstance(result, Located)
+        offset = result.best.view.centre_world - T_true[:3, 3]
+        normed.append(offset / sigmas(result.best, world.atlas.index).position_m)
+    assert 0.2 < np.sqrt(np.mean(np.square(normed))) < 1.5
