@@ -102,8 +102,10 @@ def mapped(things: Things, poses: list[Array], rng: np.random.Generator) -> Atla
     """The atlas of a map that keyframes at these poses see."""
     views = [seen(T, things, rng) for T in poses]
     rows = [
-        (thing, k, f) for k, (_, which) in enumerate(views) for f, thing in enumerate(which) if
-        thing >= 0
+        (thing, k, f)
+        for k, (_, which) in enumerate(views)
+        for f, thing in enumerate(which)
+        if thing >= 0
     ]
     thing, keyframe, feature = np.array(sorted(rows)).T
     known, landmark = np.unique(thing, return_inverse=True)

@@ -1,0 +1,50 @@
+import dataclasses
+
+import cv2
+import numpy as np
+
+from vnav.localisation.photo import prepare
+
+
+def features_of(world, seed=0):
+    rng = np.random.default_rng(seed)
+    return world.seen(world.looking((0, 0, 1.4), 0), world.things, rng)[0]
+
+
+def test_features_near_a_place_are_those_within_the_radius(world):
+    photo = prepare(features_of(world), world.camera, 0.0, world.atlas.tree)
+    px = np.random.default_rng(1).uniform([0, 0], [639.9, 479.9], (300, 2))
+    place, feature = photo.near(px, 17.0)
+    distance = np.linalg.norm(px[:, None] - photo.features.keypoints_px, axis=2)
+    expected = {(int(p), int(f)) for p, f in zip(*np.nonzero(distance < 17.0), strict=True)}
+    pairs = list(zip(place.tolist(), feature.tolist(), strict=True))
+    assert len(pairs) == len(set(pairs))
+    assert set(pairs) == expected
+
+
+def test_each_node_knows_its_features(world):
+    photo = prepare(features_of(world), world.camera, 0.0, world.atlas.tree)
+    for row, path in enumerate(photo.paths):
+        for node in path:
+            first, last = photo.span[node]
+            assert first <= row < last
+
+
+def test_distortion_is_taken_out(world):
+    features = features_of(world)
+    bent = dataclasses.replace(world.camera, distortion=(0.1, -0.05, 0.001, 0.002, 0.0))
+    points = world.camera.unproject(features.keypoints_px, np.ones(len(features)))
+    px, _ = cv2.projectPoints(points, np.zeros(3), np.zeros(3), bent.K, np.array(bent.distortion))
+    distorted = dataclasses.replace(features, keypoints_px=px[:, 0])
+    photo = prepare(distorted, bent, 0.0, world.atlas.tree)
+    straight = prepare(features, world.camera, 0.0, world.atlas.tree)
+    assert photo.intrinsics.distortion == ()
+    # OpenCV undistorts by iteration; a tenth of a pixel is far below a keypoint's noise.
+    np.testing.assert_allclose(
+        photo.features.keypoints_px, straight.features.keypoints_px, atol=0.1
+    )
+
+
+def test_no_features_are_legal(world):
+    photo = prepare(features_of(world)[np.arange(0)], world.camera, 0.0, world.atlas.tree)
+    assert len(photo.near(np.array([[10.0, 10.0]]), 5.0)[0]) == 0
