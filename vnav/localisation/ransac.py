@@ -5,6 +5,7 @@ best as by Chum, Matas, Kittler 2003; claim 4, 2.10.
 """
 
 import dataclasses
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,6 +18,7 @@ from vnav.localisation.refine import Focal, Sightings, refine
 from vnav.localisation.view import View
 
 Array = NDArray[np.float64]
+Solver = Callable[[Intrinsics, Focal, Array, Array], tuple[Array, Array]]
 
 BATCH = 128  # minimal sets solved at once
 CONFIDENCE = 0.999  # that one set of inliers alone was drawn
@@ -46,14 +48,37 @@ class Consensus:
 def agree(
     guess: Intrinsics, focal: Focal, seen: Sightings, terms: Terms, rng: np.random.Generator
 ) -> Consensus | None:
-    """The view that most sightings, the best of them first, agree with; None where too few do."""
+    """The view that most sightings, the best of them first, agree with; None where too few do.
+
+    Six points by the direct linear transform where the focal length is unknown or the terms ask
+    for it; three where they cannot do (few points, a plane), with an unknown focal length always.
+    """
+    unknown = focal.sigma > VAGUE
+    found: list[Consensus] = []
+    if (terms.solver == "dlt" or (terms.solver == "auto" and unknown)) and len(seen.px) >= 6:
+        found += _agree_by(_by_dlt, 6, guess, focal, seen, terms, rng)
+    if unknown or not found:
+        found += _agree_by(_by_three, 3, guess, focal, seen, terms, rng)
+    return max(found, key=lambda c: int(c.inliers.sum()), default=None)
+
+
+def _agree_by(
+    solve: Solver,
+    size: int,
+    guess: Intrinsics,
+    focal: Focal,
+    seen: Sightings,
+    terms: Terms,
+    rng: np.random.Generator,
+) -> list[Consensus]:
+    """The consensus that minimal sets of one size lead to, if one does."""
+    points, px = seen.points_world.astype(float), seen.px.astype(float)
+    needed = min(terms.iterations, _draws(terms.least / max(len(px), 1), size))
     best: View | None = None
-    by_dlt = terms.solver == "dlt" or (terms.solver == "auto" and focal.sigma > VAGUE)
-    size = 6 if by_dlt else 3
-    needed = min(terms.iterations, _draws(terms.least / max(len(seen.px), 1), size))
     best_score, drawn = np.inf, 0
-    while drawn < needed and len(seen.px) >= terms.least:
-        poses, factors = _hypotheses(guess, focal, seen, by_dlt, rng)
+    while drawn < needed and len(px) >= terms.least:
+        rows = _minimal_sets(len(px), size, rng)
+        poses, factors = solve(guess, focal, points[rows], px[rows])
         drawn += BATCH
         if not len(poses):
             continue
@@ -63,9 +88,7 @@ def agree(
         if score[k] < best_score:
             best, best_score = _view(poses[k], factors[k], guess), score[k]
             needed = min(needed, _draws((errors[k] < 1).mean(), size))
-    if best is None:
-        return None
-    return _locally_optimised(best, focal, seen, terms)
+    return [] if best is None else _locally_optimised(best, focal, seen, terms)
 
 
 def _draws(inlier_share: float, size: int) -> int:
@@ -74,50 +97,37 @@ def _draws(inlier_share: float, size: int) -> int:
     return int(np.ceil(np.log(1 - CONFIDENCE) / np.log(1 - clean)))
 
 
-def _locally_optimised(view: View, focal: Focal, seen: Sightings, terms: Terms) -> Consensus | None:
-    """The best hypothesis refined on its inliers, None where too few remain."""
+def _locally_optimised(view: View, focal: Focal, seen: Sightings, terms: Terms) -> list[Consensus]:
+    """The best hypothesis refined on its inliers, if enough remain."""
     inliers = _agreeing(view, seen, terms)
     for _ in range(LOCAL_ROUNDS):
         if inliers.sum() < terms.least:
-            return None
+            return []
         view = refine(view, seen[inliers], focal).view
         inliers = _agreeing(view, seen, terms)
-    return Consensus(view, inliers) if inliers.sum() >= terms.least else None
+    return [Consensus(view, inliers)] if inliers.sum() >= terms.least else []
 
 
 def _agreeing(view: View, seen: Sightings, terms: Terms) -> NDArray[np.bool_]:
     return np.asarray(view.squared_errors(seen.points_world, seen.px) < terms.threshold_px**2)
 
 
-def _hypotheses(
-    guess: Intrinsics, focal: Focal, seen: Sightings, by_dlt: bool, rng: np.random.Generator
-) -> tuple[Array, Array]:
-    """Poses (H, 3, 4) ``T_camera_world`` of one batch of sets, and focal lengths (H,) as factors.
+def _by_three(guess: Intrinsics, focal: Focal, points: Array, px: Array) -> tuple[Array, Array]:
+    """Poses (H, 3, 4) ``T_camera_world`` of three points, and focal lengths (H,) as factors.
 
-    The factor is of the guess. Points too few for the direct linear transform, or in one plane,
-    leave it to three points, with the focal lengths that are likely.
+    The factors are of the guess: those that are likely, 1 where it is exact.
     """
-    points, px = seen.points_world.astype(float), seen.px.astype(float)
-    poses, factors = np.zeros((0, 3, 4)), np.zeros(0)
-    if len(px) >= 6 and by_dlt:
-        rows = _minimal_sets(len(px), 6, rng)
-        poses, factors = _by_dlt(guess, focal, points[rows], px[rows])
-    if len(poses) and focal.sigma <= VAGUE:
-        return poses, factors
-    rows = _minimal_sets(len(px), 3, rng)
     likely = LADDER if focal.sigma > VAGUE else np.unique([1 - focal.sigma, 1, 1 + focal.sigma])
-    more = [_by_three(guess, factor, points[rows], px[rows]) for factor in likely]
-    counts = [len(m) for m in more]
-    return np.concatenate([poses, *more]), np.append(factors, np.repeat(likely, counts))
-
-
-def _by_three(guess: Intrinsics, factor: float, points: Array, px: Array) -> Array:
-    rays = np.concatenate([_centred(guess, px) / factor, np.ones((*px.shape[:2], 1))], 2)
-    return p3p(rays / np.linalg.norm(rays, axis=2, keepdims=True), points)
+    centred, depth = _centred(guess, px), np.ones((*px.shape[:2], 1))
+    found = []
+    for factor in likely:
+        rays = np.concatenate([centred / factor, depth], 2)
+        found.append(p3p(rays / np.linalg.norm(rays, axis=2, keepdims=True), points))
+    return np.concatenate(found), np.repeat(likely, [len(f) for f in found])
 
 
 def _by_dlt(guess: Intrinsics, focal: Focal, points: Array, px: Array) -> tuple[Array, Array]:
-    """By the direct linear transform: projected onto the intrinsics, or with its own focal."""
+    """The same of six points: projected onto the intrinsics, or with a focal length of its own."""
     with np.errstate(all="ignore"):
         P = dlt(_centred(guess, px), points)
         factors = np.ones(len(P)) if focal.sigma <= VAGUE else focal_of(P)

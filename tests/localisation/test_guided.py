@@ -1,0 +1,58 @@
+import numpy as np
+
+from vnav.core import se3
+from vnav.localisation.guided import hits, keyframes_around, matched, predict
+from vnav.localisation.photo import prepare
+from vnav.localisation.view import View
+
+
+def view_of(world, position=(0.2, 0.1, 1.4), heading_deg=20.0):
+    return View(se3.inverse(world.looking(position, heading_deg)), world.camera)
+
+
+def test_what_is_predicted_lies_in_the_image_before_the_camera(world):
+    view = view_of(world)
+    prediction = predict(view, world.atlas)
+    index = world.atlas.index
+    px, depth = view.project(index.points_world[index.owner[prediction.rows]])
+    assert len(prediction) > 50
+    assert (depth > 0).all()
+    np.testing.assert_allclose(px, prediction.px)
+    assert ((px >= 0) & (px < world.camera.size)).all()
+
+
+def test_nothing_is_predicted_behind_what_no_keyframe_saw(world):
+    """From 20 m behind the wall every landmark projects into the image, none is seen alike."""
+    assert len(predict(view_of(world, (-20.0, 0.0, 1.2), 0.0), world.atlas)) == 0
+
+
+def test_keyframes_around_look_the_same_way(world):
+    view = view_of(world)
+    index = world.atlas.index
+    axes = index.T_world_keyframe[keyframes_around(view, index), :3, 2]
+    # 53 degrees of view: keyframes turned by more share nothing with the photo.
+    assert len(axes) >= 2
+    assert (axes @ view.T_world_camera[:3, 2] > np.cos(np.deg2rad(60))).all()
+
+
+def test_hits_are_near_and_alike(world):
+    view = view_of(world)
+    features, which = world.seen(view.T_world_camera, world.things, np.random.default_rng(0))
+    photo = prepare(features, world.camera, 0.0, world.atlas.tree)
+    prediction = predict(view, world.atlas)
+    found = hits(prediction, photo, world.atlas, 6.0)
+    assert found.offset_px.max() < 6.0
+    matches = matched(found, prediction, world.atlas)
+    # Things are found with probability 0.7 in the photo as in the keyframes.
+    assert len(matches) > 0.4 * len(np.unique(world.atlas.index.owner[prediction.rows]))
+
+
+def test_features_turned_on_the_spot_are_no_hits(world):
+    """The same places and descriptors, but each keypoint turned by 90 degrees."""
+    import dataclasses
+
+    view = view_of(world)
+    features, _ = world.seen(view.T_world_camera, world.things, np.random.default_rng(0), clutter=0)
+    turned = dataclasses.replace(features, angles_rad=features.angles_rad + np.pi / 2)
+    photo = prepare(turned, world.camera, 0.0, world.atlas.tree)
+    assert len(hits(predict(view, world.atlas), photo, world.atlas, 6.0).feature) == 0
