@@ -7,6 +7,7 @@ from vnav.config import LocateConfig
 from vnav.core import se3
 from vnav.localisation.localise import Located, NotLocated, localise, own_focal
 from vnav.localisation.photo import prepare
+from vnav.localisation.query import Query
 from vnav.localisation.uncertainty import sigmas
 
 CONFIG = LocateConfig()
@@ -15,7 +16,8 @@ POSE = (0.4, -0.3, 1.5), 40.0
 
 def asked(world, features, *, config=CONFIG, camera=None, focal_sigma=0.0, seed=0):
     photo = prepare(features, camera or world.camera, focal_sigma, world.atlas.tree)
-    return localise(photo, world.atlas, config, np.random.default_rng(seed)), photo
+    query = Query(photo, world.atlas, config)
+    return localise(query, np.random.default_rng(seed)), query
 
 
 def errors(result, T_true):
@@ -83,16 +85,16 @@ def test_a_wrong_focal_length_is_noticed(world):
     features, _ = world.seen(
         world.looking(*POSE), world.things, np.random.default_rng(8), camera=camera
     )
-    result, photo = asked(world, features)  # taken for 525
+    result, query = asked(world, features)  # taken for 525
     assert isinstance(result, Located)
-    factor, sigma = own_focal(result.best, photo, world.atlas, CONFIG)
+    factor, sigma = own_focal(result.best, query)
     assert factor == pytest.approx(570 / 525, abs=0.02)
     assert factor - 1 > 3 * sigma
 
 
 def test_the_right_focal_length_is_not_doubted(world, photo_features):
-    result, photo = asked(world, photo_features[1])
-    factor, sigma = own_focal(result.best, photo, world.atlas, CONFIG)
+    result, query = asked(world, photo_features[1])
+    factor, sigma = own_focal(result.best, query)
     assert abs(factor - 1) < 4 * sigma
 
 
@@ -155,7 +157,7 @@ def test_an_empty_map_locates_nothing(world, photo_features):
     index = build(landmarks, [], tree, IndexConfig(), np.random.default_rng(0))
     atlas = Atlas(index, tree)
     photo = prepare(photo_features[1], world.camera, 0.0, tree)
-    result = localise(photo, atlas, CONFIG, np.random.default_rng(0))
+    result = localise(Query(photo, atlas, CONFIG), np.random.default_rng(0))
     assert isinstance(result, NotLocated)
     assert result.reason == "too few matches"
 

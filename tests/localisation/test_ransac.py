@@ -6,12 +6,12 @@ import pytest
 from vnav.core import se3
 from vnav.core.camera import Intrinsics
 from vnav.localisation.ransac import Terms, agree
-from vnav.localisation.refine import Focal, Sightings
+from vnav.localisation.refine import Lens, Sightings
 from vnav.localisation.view import View
 
 CAMERA = Intrinsics(640, 480, 525.0, 525.0, 319.5, 239.5)
 TERMS = Terms(threshold_px=4.0, least=8, iterations=1000, solver="auto")
-EXACT, UNKNOWN = Focal(525.0, 0.0), Focal(525.0, np.inf)
+EXACT, UNKNOWN = Lens(CAMERA, 0.0), Lens(CAMERA, np.inf)
 TRUE = View(se3.exp([0.1, -0.2, 0.3, 0.5, -0.2, 0.4]), CAMERA)
 
 
@@ -33,7 +33,7 @@ def error_m(found, view=TRUE):
 def test_half_outliers_do_not_matter(solver):
     seen, good = sightings(np.random.default_rng(0))
     terms = dataclasses.replace(TERMS, solver=solver)
-    found = agree(CAMERA, EXACT, seen, terms, np.random.default_rng(0))
+    found = agree(EXACT, seen, terms, np.random.default_rng(0))
     # 60 points, 0.5 px, 3 m: 0.5 / 525 * 3 / sqrt(60) = 0.4 mm along the image, depth ten times.
     assert error_m(found) < 0.02
     assert found.inliers[good].mean() > 0.95
@@ -44,19 +44,19 @@ def test_half_outliers_do_not_matter(solver):
 def test_a_plane_is_no_obstacle(solver):
     seen, _ = sightings(np.random.default_rng(1), flat=True)
     terms = dataclasses.replace(TERMS, solver=solver)
-    assert error_m(agree(CAMERA, EXACT, seen, terms, np.random.default_rng(0))) < 0.03
+    assert error_m(agree(EXACT, seen, terms, np.random.default_rng(0))) < 0.03
 
 
 def test_five_points_are_enough_for_a_known_camera():
     seen, _ = sightings(np.random.default_rng(2), good=5, bad=0)
     terms = dataclasses.replace(TERMS, least=5)
-    assert error_m(agree(CAMERA, EXACT, seen, terms, np.random.default_rng(0))) < 0.1
+    assert error_m(agree(EXACT, seen, terms, np.random.default_rng(0))) < 0.1
 
 
 def test_an_unknown_focal_length_is_found():
     long = View(TRUE.T_camera_world, dataclasses.replace(CAMERA, fx=800.0, fy=800.0))
     seen, _ = sightings(np.random.default_rng(3), view=long, bad=30)
-    found = agree(CAMERA, UNKNOWN, seen, TERMS, np.random.default_rng(0))
+    found = agree(UNKNOWN, seen, TERMS, np.random.default_rng(0))
     assert found.view.intrinsics.fx == pytest.approx(800, rel=0.02)
     assert error_m(found, long) < 0.1
 
@@ -64,15 +64,15 @@ def test_an_unknown_focal_length_is_found():
 def test_too_few_that_agree_are_none():
     seen, _ = sightings(np.random.default_rng(4), good=0, bad=40)
     terms = dataclasses.replace(TERMS, least=12)
-    assert agree(CAMERA, EXACT, seen, terms, np.random.default_rng(0)) is None
+    assert agree(EXACT, seen, terms, np.random.default_rng(0)) is None
 
 
 def test_too_few_at_all_are_none():
     seen, _ = sightings(np.random.default_rng(5), good=3, bad=0)
-    assert agree(CAMERA, EXACT, seen, TERMS, np.random.default_rng(0)) is None
+    assert agree(EXACT, seen, TERMS, np.random.default_rng(0)) is None
 
 
 def test_the_same_seed_gives_the_same_pose():
     seen, _ = sightings(np.random.default_rng(6))
-    one, two = (agree(CAMERA, EXACT, seen, TERMS, np.random.default_rng(1)) for _ in range(2))
+    one, two = (agree(EXACT, seen, TERMS, np.random.default_rng(1)) for _ in range(2))
     np.testing.assert_array_equal(one.view.T_camera_world, two.view.T_camera_world)

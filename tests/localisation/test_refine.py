@@ -5,11 +5,11 @@ import pytest
 
 from vnav.core import se3
 from vnav.core.camera import Intrinsics
-from vnav.localisation.refine import Focal, Sightings, refine
+from vnav.localisation.refine import Lens, Sightings, refine
 from vnav.localisation.view import View
 
 CAMERA = Intrinsics(640, 480, 525.0, 525.0, 319.5, 239.5)
-EXACT, UNKNOWN = Focal(525.0, 0.0), Focal(525.0, np.inf)
+EXACT, UNKNOWN = Lens(CAMERA, 0.0), Lens(CAMERA, np.inf)
 
 
 def sightings(view, rng, *, count=200, noise_px=1.0):
@@ -82,7 +82,7 @@ def test_a_prior_holds_a_focal_length_that_the_points_leave_open(true):
     points = rng.uniform([-1, -1, 3], [1, 1, 3.001], (50, 3))
     px, _ = true.project(points)
     seen = Sightings(points, px + rng.normal(0, 0.5, px.shape), np.full(50, 0.25))
-    found = refine(View(np.eye(4), CAMERA), seen, Focal(525.0, 0.02))
+    found = refine(View(np.eye(4), CAMERA), seen, Lens(CAMERA, 0.02))
     assert abs(np.log(found.view.intrinsics.fx / 525)) < 4 * 0.02
     assert np.sqrt(found.covariance[6, 6]) < 0.021
 

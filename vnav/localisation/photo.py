@@ -12,7 +12,7 @@ from vnav.core.camera import Intrinsics
 from vnav.core.frame import Features
 from vnav.core.map_index import ranges, spans_of
 from vnav.core.tree import VocabularyTree
-from vnav.localisation.refine import Focal
+from vnav.localisation.refine import Lens
 from vnav.localisation.words import Database, half_norms
 
 Rows = NDArray[np.intp]
@@ -24,15 +24,13 @@ SAME_KEYPOINT_PX = 2.0  # a keypoint's second orientation lies nearer than this
 class Photo:
     """Features sorted along the tree, their ``paths`` (N, levels + 1) and each node's rows.
 
-    ``intrinsics``: of the image the features were found in, without distortion; ``focal_sigma``:
-    the relative standard deviation of its focal length, 0 where it is exact, inf where a guess.
+    ``lens``: of the image the features were found in, without distortion.
     """
 
     features: Features
     paths: NDArray[np.int32]
     span: NDArray[np.int32]
-    intrinsics: Intrinsics
-    focal_sigma: float
+    lens: Lens
 
     @cached_property
     def database(self) -> Database:
@@ -42,9 +40,9 @@ class Photo:
         return Database(descriptors, half_norms(descriptors), position, SAME_KEYPOINT_PX)
 
     @property
-    def focal(self) -> Focal:
-        """What is known of the focal length."""
-        return Focal(self.intrinsics.fx, self.focal_sigma)
+    def intrinsics(self) -> Intrinsics:
+        """Those of the lens; its focal length may be a guess."""
+        return self.lens.intrinsics
 
     @property
     def pixel(self) -> float:
@@ -79,7 +77,7 @@ def prepare(
     order = np.lexsort(paths.T[::-1])
     paths = paths[order]
     span = spans_of(paths, len(tree.level))
-    return Photo(features[order], paths, span, intrinsics, focal_sigma)
+    return Photo(features[order], paths, span, Lens(intrinsics, focal_sigma))
 
 
 def _undistorted(features: Features, intrinsics: Intrinsics) -> tuple[Features, Intrinsics]:

@@ -5,26 +5,21 @@ best as by Chum, Matas, Kittler 2003; claim 4, 2.10.
 """
 
 import dataclasses
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from vnav.core.camera import Intrinsics
-from vnav.localisation.dlt import dlt, focal_of, poses_of
-from vnav.localisation.p3p import p3p
-from vnav.localisation.refine import Focal, Sightings, refine
+from vnav.localisation.minimal import SIX, THREE, VAGUE, Minimal
+from vnav.localisation.refine import Lens, Sightings, refine
 from vnav.localisation.view import View
 
 Array = NDArray[np.float64]
-Solver = Callable[[Intrinsics, Focal, Array, Array], tuple[Array, Array]]
 
 BATCH = 128  # minimal sets solved at once
 CONFIDENCE = 0.999  # that one set of inliers alone was drawn
 LOCAL_ROUNDS = 2  # refinements on the inliers of the best hypothesis
-VAGUE = 0.2  # relative standard deviation of a focal length that tells next to nothing
-LADDER = np.geomspace(0.5, 2.0, 7)  # focal lengths tried then, as factors of the guess
 
 
 @dataclass(frozen=True)
@@ -44,51 +39,48 @@ class Consensus:
     view: View
     inliers: NDArray[np.bool_]
 
+    @property
+    def size(self) -> int:
+        """How many agree."""
+        return int(self.inliers.sum())
 
-def agree(
-    guess: Intrinsics, focal: Focal, seen: Sightings, terms: Terms, rng: np.random.Generator
-) -> Consensus | None:
+
+def agree(lens: Lens, seen: Sightings, terms: Terms, rng: np.random.Generator) -> Consensus | None:
     """The view that most sightings, the best of them first, agree with; None where too few do.
 
     Six points by the direct linear transform where the focal length is unknown or the terms ask
     for it; three where they cannot do (few points, a plane), with an unknown focal length always.
     """
-    unknown = focal.sigma > VAGUE
+    unknown = lens.focal_sigma > VAGUE
     found: list[Consensus] = []
     if (terms.solver == "dlt" or (terms.solver == "auto" and unknown)) and len(seen.px) >= 6:
-        found += _agree_by(_by_dlt, 6, guess, focal, seen, terms, rng)
+        found += _agree_by(SIX, lens, seen, terms, rng)
     if unknown or not found:
-        found += _agree_by(_by_three, 3, guess, focal, seen, terms, rng)
-    return max(found, key=lambda c: int(c.inliers.sum()), default=None)
+        found += _agree_by(THREE, lens, seen, terms, rng)
+    return max(found, key=lambda c: c.size, default=None)
 
 
 def _agree_by(
-    solve: Solver,
-    size: int,
-    guess: Intrinsics,
-    focal: Focal,
-    seen: Sightings,
-    terms: Terms,
-    rng: np.random.Generator,
+    minimal: Minimal, lens: Lens, seen: Sightings, terms: Terms, rng: np.random.Generator
 ) -> list[Consensus]:
-    """The consensus that minimal sets of one size lead to, if one does."""
+    """The consensus that minimal sets of one kind lead to, if one does."""
     points, px = seen.points_world.astype(float), seen.px.astype(float)
-    needed = min(terms.iterations, _draws(terms.least / max(len(px), 1), size))
+    needed = min(terms.iterations, _draws(terms.least / max(len(px), 1), minimal.size))
     best: View | None = None
     best_score, drawn = np.inf, 0
     while drawn < needed and len(px) >= terms.least:
-        rows = _minimal_sets(len(px), size, rng)
-        poses, factors = solve(guess, focal, points[rows], px[rows])
+        rows = _minimal_sets(len(px), minimal.size, rng)
+        poses, factors = minimal.solve(lens, points[rows], px[rows])
         drawn += BATCH
         if not len(poses):
             continue
-        errors = _errors(poses, factors, guess, seen) / terms.threshold_px**2
+        errors = _errors(poses, factors, lens.intrinsics, seen) / terms.threshold_px**2
         score = np.minimum(errors, 1).sum(1)
         k = int(score.argmin())
         if score[k] < best_score:
-            best, best_score = _view(poses[k], factors[k], guess), score[k]
-            needed = min(needed, _draws((errors[k] < 1).mean(), size))
-    return [] if best is None else _locally_optimised(best, focal, seen, terms)
+            best, best_score = _view(poses[k], factors[k], lens.intrinsics), score[k]
+            needed = min(needed, _draws((errors[k] < 1).mean(), minimal.size))
+    return [] if best is None else _locally_optimised(best, lens, seen, terms)
 
 
 def _draws(inlier_share: float, size: int) -> int:
@@ -97,49 +89,19 @@ def _draws(inlier_share: float, size: int) -> int:
     return int(np.ceil(np.log(1 - CONFIDENCE) / np.log(1 - clean)))
 
 
-def _locally_optimised(view: View, focal: Focal, seen: Sightings, terms: Terms) -> list[Consensus]:
+def _locally_optimised(view: View, lens: Lens, seen: Sightings, terms: Terms) -> list[Consensus]:
     """The best hypothesis refined on its inliers, if enough remain."""
     inliers = _agreeing(view, seen, terms)
     for _ in range(LOCAL_ROUNDS):
         if inliers.sum() < terms.least:
             return []
-        view = refine(view, seen[inliers], focal).view
+        view = refine(view, seen[inliers], lens).view
         inliers = _agreeing(view, seen, terms)
     return [Consensus(view, inliers)] if inliers.sum() >= terms.least else []
 
 
 def _agreeing(view: View, seen: Sightings, terms: Terms) -> NDArray[np.bool_]:
     return np.asarray(view.squared_errors(seen.points_world, seen.px) < terms.threshold_px**2)
-
-
-def _by_three(guess: Intrinsics, focal: Focal, points: Array, px: Array) -> tuple[Array, Array]:
-    """Poses (H, 3, 4) ``T_camera_world`` of three points, and focal lengths (H,) as factors.
-
-    The factors are of the guess: those that are likely, 1 where it is exact.
-    """
-    likely = LADDER if focal.sigma > VAGUE else np.unique([1 - focal.sigma, 1, 1 + focal.sigma])
-    centred, depth = _centred(guess, px), np.ones((*px.shape[:2], 1))
-    found = []
-    for factor in likely:
-        rays = np.concatenate([centred / factor, depth], 2)
-        found.append(p3p(rays / np.linalg.norm(rays, axis=2, keepdims=True), points))
-    return np.concatenate(found), np.repeat(likely, [len(f) for f in found])
-
-
-def _by_dlt(guess: Intrinsics, focal: Focal, points: Array, px: Array) -> tuple[Array, Array]:
-    """The same of six points: projected onto the intrinsics, or with a focal length of its own."""
-    with np.errstate(all="ignore"):
-        P = dlt(_centred(guess, px), points)
-        factors = np.ones(len(P)) if focal.sigma <= VAGUE else focal_of(P)
-        poses = poses_of(P / np.stack([factors, factors, np.ones(len(P))], 1)[:, :, None])
-    likely = (factors > LADDER[0] / 2) & (factors < LADDER[-1] * 2)
-    good = np.isfinite(poses).all((1, 2)) & likely
-    return poses[good], factors[good]
-
-
-def _centred(k: Intrinsics, px: Array) -> Array:
-    """Pixels (..., 2) as coordinates on the plane at depth 1."""
-    return (px - [k.cx, k.cy]) / [k.fx, k.fy]
 
 
 def _minimal_sets(count: int, size: int, rng: np.random.Generator) -> NDArray[np.intp]:

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vnav.core import se3
+from vnav.core.camera import Intrinsics
 from vnav.localisation.view import MIN_DEPTH_M, View
 
 Array = NDArray[np.float64]
@@ -16,14 +17,14 @@ CONVERGED = 1e-4  # relative gain of a step
 
 
 @dataclass(frozen=True)
-class Focal:
-    """What is known of a focal length: ``guess_px`` along x, and its relative standard deviation.
+class Lens:
+    """What is known of a camera: its intrinsics, and how well its focal length is known.
 
-    ``sigma`` 0: exact; inf: nothing is known.
+    ``focal_sigma``: relative standard deviation; 0: exact, inf: nothing is known.
     """
 
-    guess_px: float
-    sigma: float
+    intrinsics: Intrinsics
+    focal_sigma: float
 
 
 @dataclass(frozen=True)
@@ -53,18 +54,18 @@ class Refined:
     covariance: Array
 
 
-def refine(view: View, seen: Sightings, focal: Focal) -> Refined:
-    """The most likely view near the given one, and focal length unless exact (claim 4, 2.10).
+def refine(view: View, seen: Sightings, lens: Lens) -> Refined:
+    """The most likely view near the given one, and its focal length unless exact (claim 4, 2.10).
 
     Levenberg-Marquardt on the reprojection errors under Huber's kernel. The covariance is the
     inverse information, widened where the residuals are larger than their variances say.
     """
     damping = 1e-4
-    H, g, cost = _normal(view, seen, focal)
+    H, g, cost = _normal(view, seen, lens)
     for _ in range(MAX_ITERATIONS):
         step = np.linalg.solve(H + damping * np.diag(H.diagonal() + 1e-12), g)
         trial = view.moved(np.asarray(-step, float))
-        H_trial, g_trial, trial_cost = _normal(trial, seen, focal)
+        H_trial, g_trial, trial_cost = _normal(trial, seen, lens)
         if trial_cost > cost:
             damping *= 10
             continue
@@ -76,19 +77,19 @@ def refine(view: View, seen: Sightings, focal: Focal) -> Refined:
     return Refined(view, np.asarray(np.linalg.pinv(H, hermitian=True) * spread, float))
 
 
-def _normal(view: View, seen: Sightings, focal: Focal) -> tuple[Array, Array, float]:
+def _normal(view: View, seen: Sightings, lens: Lens) -> tuple[Array, Array, float]:
     """Information matrix, gradient and cost, each point weighted by Huber's kernel."""
-    J, r = _linearised(view, seen, focal.sigma > 0)
+    J, r = _linearised(view, seen, lens.focal_sigma > 0)
     size = np.linalg.norm(r, axis=1)
     weight = HUBER_SIGMAS / np.maximum(size, HUBER_SIGMAS)
     weighted = (J * weight[:, None, None]).reshape(-1, J.shape[2])
     H, g = weighted.T @ J.reshape(-1, J.shape[2]), weighted.T @ r.reshape(-1)
     far = HUBER_SIGMAS * (2 * size - HUBER_SIGMAS)
     cost = float(np.where(size > HUBER_SIGMAS, far, size**2).sum())
-    if focal.sigma > 0:
-        off = np.log(view.intrinsics.fx / focal.guess_px) / focal.sigma
-        H[6, 6] += focal.sigma**-2
-        g[6] += off / focal.sigma
+    if lens.focal_sigma > 0:
+        off = np.log(view.intrinsics.fx / lens.intrinsics.fx) / lens.focal_sigma
+        H[6, 6] += lens.focal_sigma**-2
+        g[6] += off / lens.focal_sigma
         cost += off**2
     return H, g, cost
 

@@ -7,11 +7,10 @@ image-based localization", 2017; claim 4, 2.2 to 2.9.
 import numpy as np
 from numpy.typing import NDArray
 
-from vnav.config import LocateConfig
 from vnav.localisation.atlas import Atlas
 from vnav.localisation.matches import Matches, no_matches
-from vnav.localisation.photo import Photo
 from vnav.localisation.places import fullest
+from vnav.localisation.query import Query
 from vnav.localisation.words import nearest_apart
 
 Rows = NDArray[np.intp]
@@ -21,26 +20,26 @@ ALIKE = 4  # places that a feature may match in
 BATCH = 1000  # features, or descriptors of landmarks, searched at once
 
 
-def seeds(photo: Photo, atlas: Atlas, config: LocateConfig) -> Matches:
+def seeds(query: Query) -> Matches:
     """Matches from the photo to the map, features with the fewest candidates first.
 
     Ends when one place has enough matches (claim 4, 2.3 to 2.5, 2.9).
     """
-    return _from_photo(np.arange(len(photo.features)), 1, photo, atlas, config)
+    return _from_photo(np.arange(len(query.photo.features)), 1, query)
 
 
-def alike(features: Rows, photo: Photo, atlas: Atlas, config: LocateConfig) -> Matches:
+def alike(features: Rows, query: Query) -> Matches:
     """Matches of some features with every place that looks alike, up to `ALIKE` of them.
 
     What repeats itself in the map has its second-nearest in another place and finds no match in
     `seeds`; here a match has rivals only in its own place.
     """
-    return _from_photo(features, ALIKE, photo, atlas, config)
+    return _from_photo(features, ALIKE, query)
 
 
-def _from_photo(
-    features: Rows, alike: int, photo: Photo, atlas: Atlas, config: LocateConfig
-) -> Matches:
+def _from_photo(features: Rows, alike: int, query: Query) -> Matches:
+    """2D-3D: for each feature its nearest landmark, or nearest few apart, by the ratio test."""
+    photo, atlas, config = query.photo, query.atlas, query.config
     word = photo.paths[:, atlas.tree.clamped(config.level_2d_3d)]
     span = atlas.index.span[word]
     candidates = span[:, 1] - span[:, 0]
@@ -61,11 +60,12 @@ def _from_photo(
     return found
 
 
-def completed(found: Matches, photo: Photo, atlas: Atlas, config: LocateConfig) -> Matches:
+def completed(found: Matches, query: Query) -> Matches:
     """The matches of a place, and those of the landmarks near them in space, back to the photo.
 
     Landmarks with the fewest candidates first, until there are enough (claim 4, 2.6 to 2.9).
     """
+    photo, atlas, config = query.photo, query.atlas, query.config
     near = np.setdiff1d(atlas.index.neighbours[found.landmark], found.landmark)
     rows = atlas.rows_of(near.astype(np.int32))
     span = photo.span[atlas.words(rows, config.level_3d_2d)]

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vnav.core.map_index import MapIndex
-from vnav.localisation.localise import Hypothesis
+from vnav.localisation.hypotheses import Hypothesis
 
 Array = NDArray[np.float64]
 

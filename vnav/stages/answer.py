@@ -13,7 +13,8 @@ from vnav.core import se3
 from vnav.errors import VnavError
 from vnav.io.map_folder import write_text
 from vnav.io.photos import PhotoCamera
-from vnav.localisation.localise import Hypothesis, Located, NotLocated
+from vnav.localisation.hypotheses import Hypothesis
+from vnav.localisation.localise import Located, NotLocated
 from vnav.localisation.photo import Photo
 from vnav.localisation.uncertainty import Sigmas
 from vnav.localisation.view import View

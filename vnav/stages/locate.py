@@ -11,7 +11,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from vnav.config import Config, FeaturesConfig, LocateConfig
+from vnav.config import Config, FeaturesConfig
 from vnav.core.camera import Intrinsics
 from vnav.core.progress import Progress, silent
 from vnav.errors import PhotoError
@@ -23,7 +23,8 @@ from vnav.io.photos import PhotoCamera, photo_camera, read_photo
 from vnav.io.tree_file import load_tree
 from vnav.localisation.atlas import Atlas
 from vnav.localisation.localise import Located, NotLocated, localise, own_focal
-from vnav.localisation.photo import Photo, prepare
+from vnav.localisation.photo import prepare
+from vnav.localisation.query import Query
 from vnav.localisation.uncertainty import sigmas
 from vnav.stages.answer import Answer, Unreadable
 from vnav.stages.capture_quality import BLURRED, DARK, blur
@@ -56,30 +57,12 @@ class Locator:
         features = self._front_end.extract(image)
         clock.append(time.monotonic())
         photo = prepare(features, intrinsics, camera.focal_sigma, self.atlas.tree)
-        rng = np.random.default_rng(self._config.seed)
-        result = localise(photo, self.atlas, self._config.locate, rng)
+        query = Query(photo, self.atlas, self._config.locate)
+        result = localise(query, np.random.default_rng(self._config.seed))
         clock.append(time.monotonic())
         spent = np.round(np.diff(clock), 4).tolist()
         seconds = dict(zip(("read", "features", "search_and_pose"), spent, strict=True))
-        return self._answer(path, image, photo, camera, result, seconds)
-
-    def _answer(
-        self,
-        path: Path,
-        image: NDArray[np.uint8],
-        photo: Photo,
-        camera: PhotoCamera,
-        result: Located | NotLocated,
-        seconds: dict[str, float],
-    ) -> Answer:
-        if isinstance(result, NotLocated):
-            reason = result.reason + _flaw(image)
-            return Answer(path, photo, camera, result, None, reason, (), seconds)
-        warnings: tuple[str, ...] = ()
-        if camera.source == "assumed":
-            warnings = _doubts(path, result, photo, self.atlas, self._config.locate)
-        sigma = sigmas(result.best, self.atlas.index)
-        return Answer(path, photo, camera, result, sigma, "", warnings, seconds)
+        return _answer(path, image, camera, query, result, seconds)
 
     def _map_camera(self, size: tuple[int, int]) -> Intrinsics:
         """The camera of a capture whose images have this size, else the first's."""
@@ -126,6 +109,22 @@ def scaled_down(image: NDArray[np.uint8], longest_px: int) -> NDArray[np.uint8]:
     return np.asarray(cv2.resize(image, size, interpolation=cv2.INTER_AREA), np.uint8)
 
 
+def _answer(
+    path: Path,
+    image: NDArray[np.uint8],
+    camera: PhotoCamera,
+    query: Query,
+    result: Located | NotLocated,
+    seconds: dict[str, float],
+) -> Answer:
+    if isinstance(result, NotLocated):
+        reason = result.reason + _flaw(image)
+        return Answer(path, query.photo, camera, result, None, reason, (), seconds)
+    warnings = _doubts(path, result, query) if camera.source == "assumed" else ()
+    sigma = sigmas(result.best, query.atlas.index)
+    return Answer(path, query.photo, camera, result, sigma, "", warnings, seconds)
+
+
 def _flaw(image: NDArray[np.uint8]) -> str:
     """What is wrong with a photo that was not located, empty where nothing is."""
     gray = np.asarray(cv2.cvtColor(image, cv2.COLOR_RGB2GRAY), np.uint8)
@@ -134,11 +133,9 @@ def _flaw(image: NDArray[np.uint8]) -> str:
     return "; the photo is blurred" if blur(gray) > BLURRED else ""
 
 
-def _doubts(
-    path: Path, result: Located, photo: Photo, atlas: Atlas, config: LocateConfig
-) -> tuple[str, ...]:
+def _doubts(path: Path, result: Located, query: Query) -> tuple[str, ...]:
     """A warning where the matches contradict the camera that was assumed."""
-    factor, sigma = own_focal(result.best, photo, atlas, config)
+    factor, sigma = own_focal(result.best, query)
     if abs(np.log(factor)) < max(DOUBTFUL, SIGNIFICANT * sigma):
         return ()
     return (

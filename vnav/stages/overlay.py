@@ -10,7 +10,7 @@ from vnav.errors import VnavError
 from vnav.io.photos import read_photo
 from vnav.localisation.atlas import Atlas
 from vnav.localisation.guided import predict
-from vnav.localisation.localise import Hypothesis
+from vnav.localisation.hypotheses import Hypothesis
 from vnav.stages.answer import Answer, summary
 
 GREEN, YELLOW, BLUE, RED = (40, 200, 60), (0, 220, 255), (255, 150, 60), (60, 60, 230)  # BGR

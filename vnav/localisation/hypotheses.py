@@ -1,0 +1,98 @@
+"""Poses that may be right: found in places that match, verified by what the map predicts there."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vnav.localisation.evidence import evidence
+from vnav.localisation.guided import hits, matched, predict, reprojected
+from vnav.localisation.matches import Matches
+from vnav.localisation.places import places
+from vnav.localisation.query import Query
+from vnav.localisation.ransac import Consensus, Terms, agree
+from vnav.localisation.refine import refine
+from vnav.localisation.search import completed
+from vnav.localisation.view import View
+
+LEAST = 5  # matches that a pose can be tried with
+ATTEMPTS = 2  # poses sought in one place: repeated things in one view give several
+RIVAL_SHARE = 0.2  # of the most matches that agree; a place with fewer is no rival
+FIRST_RADIUS, LAST_RADIUS = 3.0, 2.0  # of guided matching, in thresholds of agreement
+
+
+@dataclass(frozen=True)
+class Hypothesis:
+    """A pose that may be right: what agrees with it, and how strongly (see `evidence`).
+
+    ``covariance`` (6, 6), or (7, 7) with the log focal length, of ``T_world_camera``'s tangent;
+    ``predicted``: how many descriptors the map says should be seen.
+    """
+
+    view: View
+    covariance: NDArray[np.float64]
+    matches: Matches
+    predicted: int
+    evidence: float
+
+    @property
+    def inliers(self) -> int:
+        """Number of matches that agree."""
+        return len(self.matches)
+
+
+def pursue(
+    found: Matches, known: list[Hypothesis], query: Query, rng: np.random.Generator
+) -> list[Hypothesis]:
+    """The known hypotheses and those of the places that the matches tell of, the strongest first.
+
+    Every place has its own poses (claim 4, 2.10), so that a rival is not lost in the crowd; one
+    that can only muster a small part of the most matches is left.
+    """
+    views = [h.view for h in known]
+    most = max((h.inliers for h in known), default=0)
+    agreed: list[Consensus] = []
+    for place in places(found, query.atlas.index, query.config.places, _least(most)):
+        matches = completed(place.matches, query)
+        for _ in range(ATTEMPTS):
+            matches = query.unexplained(matches, views)
+            consensus = _consensus(matches, _least(most), query, rng)
+            if consensus is None:
+                break
+            agreed.append(consensus)
+            views.append(consensus.view)
+            most = max(most, consensus.size)
+    verified = [_verified(c.view, query) for c in agreed if c.size >= _least(most)]
+    return sorted([*known, *(h for h in verified if h)], key=lambda h: -h.evidence)
+
+
+def _least(most: int) -> int:
+    return max(LEAST, int(RIVAL_SHARE * most))
+
+
+def _consensus(
+    matches: Matches, least: int, query: Query, rng: np.random.Generator
+) -> Consensus | None:
+    """A pose that ``least`` of the matches agree with, None where there is none."""
+    config = query.config
+    terms = Terms(query.near_px, least, config.ransac_iterations, config.solver)
+    return agree(query.photo.lens, query.sightings(matches), terms, rng)
+
+
+def _verified(view: View, query: Query) -> Hypothesis | None:
+    """The pose after guided matching of what the map predicts, None where that finds too little."""
+    photo, atlas, least = query.photo, query.atlas, query.config.min_inliers
+    prediction = predict(view, atlas)
+    found = hits(prediction, photo, atlas, FIRST_RADIUS * query.near_px)
+    matches = matched(found, prediction, atlas)
+    if len(matches) < least:
+        return None
+    view = refine(view, query.sightings(matches, view), photo.lens).view
+    prediction = reprojected(prediction.rows, view, atlas)
+    found = hits(prediction, photo, atlas, LAST_RADIUS * query.near_px)
+    matches = matched(found, prediction, atlas)
+    if len(matches) < least:
+        return None
+    refined = refine(view, query.sightings(matches, view), photo.lens)
+    strength = evidence(prediction, found, photo)
+    return Hypothesis(refined.view, refined.covariance, matches, len(prediction), strength)
