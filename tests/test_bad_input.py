@@ -127,9 +127,9 @@ def test_a_map_of_another_capture_is_left_alone(vnav: Vnav, capture: Path) -> No
     assert "--fresh" in said
 
 
-@pytest.mark.parametrize("place", ["/sys/vnav-map", "camera.toml/map"])
+@pytest.mark.parametrize("place", ["/proc/vnav-map", "camera.toml/map"])
 def test_a_map_that_cannot_be_written_is_named(place: str, vnav: Vnav, capture: Path) -> None:
-    """Not even root may make a folder in /sys, or one inside a file."""
+    """Not even root can make a folder in /proc, or one inside a file."""
     said = fails(vnav, capture, "--map", capture / place)
     assert f"expected to write a map at {capture / place}" in said
 
