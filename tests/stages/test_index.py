@@ -1,0 +1,70 @@
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from vnav.config import Config, IndexConfig
+from vnav.errors import MapError, StaleArtifact
+from vnav.io.artifacts import load_optimised
+from vnav.io.index_file import load_index
+from vnav.io.map_folder import MapFolder
+from vnav.io.tree_file import load_tree
+from vnav.stages import index, vocabulary
+
+
+@pytest.fixture
+def folder(tmp_path: Path, tiny_map: Path) -> MapFolder:
+    shutil.copytree(tiny_map, tmp_path / "map")
+    return MapFolder(tmp_path / "map")
+
+
+def test_every_landmark_of_the_map_is_indexed(folder: MapFolder) -> None:
+    report = index.run(folder, Config())
+    found = load_index(folder)
+    landmarks = load_optimised(folder).landmarks
+    np.testing.assert_array_equal(found.points_world, landmarks.points_world)
+    assert report.values["landmarks"] == len(landmarks)
+    assert report.values["descriptors"] == len(found.descriptors) >= len(landmarks)
+
+
+def test_an_index_that_is_up_to_date_is_kept(folder: MapFolder) -> None:
+    index.run(folder, Config())
+    assert index.run(folder, Config()).reused
+    assert not index.run(folder, Config(index=IndexConfig(neighbours=20))).reused
+
+
+def test_the_same_map_gives_the_same_bytes(folder: MapFolder) -> None:
+    index.run(folder, Config())
+    first = (folder.stage("index") / "index.npz").read_bytes()
+    index.run(folder, Config(index=IndexConfig(neighbours=20)))
+    index.run(folder, Config())
+    assert (folder.stage("index") / "index.npz").read_bytes() == first
+
+
+def test_without_an_index_the_command_that_makes_it_is_named(folder: MapFolder) -> None:
+    with pytest.raises(StaleArtifact, match="vnav index"):
+        load_index(folder)
+
+
+@pytest.mark.parametrize("keep", [0, 1000])
+def test_a_damaged_index_is_told(folder: MapFolder, keep: int) -> None:
+    index.run(folder, Config())
+    path = folder.stage("index") / "index.npz"
+    path.write_bytes(path.read_bytes()[:keep])
+    with pytest.raises(MapError, match="vnav index"):
+        load_index(folder)
+
+
+def test_a_damaged_tree_is_told(folder: MapFolder) -> None:
+    path = folder.stage("vocabulary") / "tree.npz"
+    path.write_bytes(path.read_bytes()[:100])
+    with pytest.raises(MapError, match="vnav vocabulary"):
+        load_tree(folder)
+
+
+def test_the_tree_is_kept_while_nothing_changed(folder: MapFolder) -> None:
+    from vnav.config import FeaturesConfig
+
+    config = Config(features=FeaturesConfig(max_features=700))
+    assert vocabulary.run(folder, config).reused

@@ -1,0 +1,208 @@
+import dataclasses
+import json
+import shutil
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from vnav.config import Config
+from vnav.core import se3
+from vnav.errors import PhotoError
+from vnav.io.artifacts import load_optimised
+from vnav.io.map_folder import MapFolder
+from vnav.io.trajectories import read_tum
+from vnav.stages import index, overlay
+from vnav.stages.answer import CSV_HEADER, Unreadable, summary, write_csv
+from vnav.stages.locate import Locator, locate, remember, scaled_down
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory, tiny_map: Path) -> MapFolder:
+    root = tmp_path_factory.mktemp("maps") / "indexed"
+    shutil.copytree(tiny_map, root)
+    index.run(MapFolder(root), Config())
+    return MapFolder(root)
+
+
+@pytest.fixture(scope="module")
+def locator(folder: MapFolder) -> Locator:
+    return Locator(folder, Config())
+
+
+@pytest.fixture(scope="module")
+def photos(tiny_capture: Path) -> list[Path]:
+    return sorted((tiny_capture / "photos").glob("*.jpg"))
+
+
+@pytest.fixture(scope="module")
+def truth(tiny_capture: Path, folder: MapFolder) -> dict[str, np.ndarray]:
+    """T_world_camera of each photo in the world of the map."""
+    true = read_tum(tiny_capture / "groundtruth.txt").T_world_camera[:, :3, 3]
+    mapped = load_optimised(folder).T_world_camera[:, :3, 3]
+    T_world_truth = se3.align(mapped, true)
+    lines = (tiny_capture / "photos" / "groundtruth.txt").read_text().splitlines()
+    rows = [line.split() for line in lines if not line.startswith("#")]
+    return {
+        name: T_world_truth
+        @ se3.make(se3.rotation_from_quat(np.array(q, float)), np.array([x, y, z], float))
+        for name, x, y, z, *q in rows
+    }
+
+
+def test_photos_are_found_where_they_were_taken(
+    locator: Locator, photos: list[Path], truth: dict[str, np.ndarray]
+) -> None:
+    for photo in photos:
+        answer = locator.locate(photo)
+        assert answer.best is not None, summary(answer)
+        offset = se3.inverse(truth[photo.name]) @ answer.best.view.T_world_camera
+        # The map of 320 x 240 frames is itself off by centimetres.
+        assert np.linalg.norm(offset[:3, 3]) < 0.10
+        assert np.rad2deg(se3.rotation_angle(offset)) < 3
+
+
+def test_a_photo_turned_on_its_side_is_found(
+    locator: Locator, photos: list[Path], tmp_path: Path
+) -> None:
+    upright = locator.locate(photos[0])
+    image = cv2.rotate(cv2.imread(str(photos[0])), cv2.ROTATE_90_CLOCKWISE)
+    cv2.imwrite(str(tmp_path / "side.png"), image)
+    answer = locator.locate(tmp_path / "side.png")
+    assert answer.camera.source == "estimated"  # no camera.toml beside it
+    assert answer.best is not None
+    assert upright.best is not None
+    off_m = answer.best.view.centre_world - upright.best.view.centre_world
+    assert np.linalg.norm(off_m) < 0.15
+
+
+def test_a_black_photo_is_refused_as_dark(locator: Locator, tmp_path: Path) -> None:
+    cv2.imwrite(str(tmp_path / "black.png"), np.zeros((480, 640, 3), np.uint8))
+    answer = locator.locate(tmp_path / "black.png")
+    assert answer.best is None
+    assert answer.reason.startswith("too few features; the photo is dark")
+    assert not answer.as_dict()["located"]
+
+
+def test_noise_is_refused(locator: Locator, tmp_path: Path) -> None:
+    noise = np.random.default_rng(0).integers(0, 256, (480, 640, 3)).astype(np.uint8)
+    cv2.imwrite(str(tmp_path / "noise.png"), noise)
+    answer = locator.locate(tmp_path / "noise.png")
+    assert answer.best is None
+    assert answer.as_dict()["T_world_camera"] is None
+
+
+def test_json_has_the_fields_that_the_design_names(locator: Locator, photos: list[Path]) -> None:
+    value = locator.locate(photos[0]).as_dict()
+    assert list(value) == [
+        *("photo", "located", "reason", "T_world_camera", "position_m", "quaternion_xyzw"),
+        *("intrinsics", "intrinsics_source", "features", "matches", "inliers"),
+        *("sigma_position_m", "sigma_rotation_deg", "confidence", "hypotheses", "seconds"),
+    ]
+    assert value["confidence"] is None
+    assert value["hypotheses"][0]["T_world_camera"] == value["T_world_camera"]
+    T = np.array(value["T_world_camera"])
+    np.testing.assert_allclose(se3.rotation_from_quat(value["quaternion_xyzw"]), T[:3, :3])
+    json.dumps(value, allow_nan=False)
+
+
+def test_a_photo_is_answered_the_same_alone_and_among_others(
+    locator: Locator, photos: list[Path]
+) -> None:
+    together = list(locate(locator, photos))
+    for photo, answer in zip(photos, together, strict=True):
+        alone = locator.locate(photo).as_dict()
+        among = answer.as_dict()
+        assert {**alone, "seconds": 0} == {**among, "seconds": 0}
+
+
+def test_an_unreadable_photo_does_not_stop_the_others(
+    locator: Locator, photos: list[Path], tmp_path: Path
+) -> None:
+    broken = tmp_path / "broken.jpg"
+    broken.write_text("no image")
+    first, second = locate(locator, [broken, photos[0]])
+    assert isinstance(first, Unreadable)
+    assert "broken.jpg" in first.reason
+    assert not isinstance(second, Unreadable)
+    with pytest.raises(PhotoError, match=r"broken\.jpg"):
+        locator.locate(broken)
+
+
+def test_a_located_photo_becomes_the_current_pose(
+    folder: MapFolder, locator: Locator, photos: list[Path]
+) -> None:
+    answer = locator.locate(photos[1])
+    assert remember(folder, answer) is None
+    current = folder.current()
+    assert current is not None
+    assert current["T_world_camera"] == answer.as_dict()["T_world_camera"]
+
+
+def test_a_photo_that_was_not_located_leaves_the_current_pose(
+    folder: MapFolder, locator: Locator, photos: list[Path], tmp_path: Path
+) -> None:
+    remember(folder, locator.locate(photos[1]))
+    before = folder.current()
+    cv2.imwrite(str(tmp_path / "black.png"), np.zeros((48, 64, 3), np.uint8))
+    remember(folder, locator.locate(tmp_path / "black.png"))
+    assert folder.current() == before
+
+
+def test_a_map_that_cannot_be_written_is_told(
+    folder: MapFolder, locator: Locator, photos: list[Path], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refuse(self: MapFolder, pose: object) -> None:
+        raise PermissionError(13, "Permission denied")
+
+    monkeypatch.setattr(MapFolder, "write_current", refuse)
+    problem = remember(folder, locator.locate(photos[0]))
+    assert problem is not None
+    assert "Permission denied" in problem
+
+
+def test_a_wrongly_assumed_camera_is_doubted(
+    locator: Locator, photos: list[Path], tmp_path: Path
+) -> None:
+    """A photo scaled to the map's size, taken with another field of view, no camera.toml by it."""
+    mapped = locator._map_cameras[0]
+    image = cv2.imread(str(photos[0]))
+    height, width = image.shape[:2]
+    cut = image[: round(width * 0.6) * 3 // 4, : round(width * 0.6)]
+    cv2.imwrite(str(tmp_path / "photo.png"), cv2.resize(cut, mapped.size))
+    answer = locator.locate(tmp_path / "photo.png")
+    assert answer.camera.source == "assumed"
+    assert answer.best is None or "focal length" in answer.warnings[0]
+
+
+def test_the_table_has_a_line_for_each_photo(
+    locator: Locator, photos: list[Path], tmp_path: Path
+) -> None:
+    answers = [locator.locate(photos[0]), Unreadable(Path("x.jpg"), "expected, found")]
+    write_csv(tmp_path / "poses.csv", answers)
+    header, good, bad = (tmp_path / "poses.csv").read_text().splitlines()
+    assert header.split(",") == list(CSV_HEADER)
+    assert len(good.split(",")) == len(CSV_HEADER)
+    assert bad.startswith('x.jpg,False,"expected, found",')
+
+
+def test_the_overlay_has_the_photos_size(
+    locator: Locator, photos: list[Path], tmp_path: Path
+) -> None:
+    answer = locator.locate(photos[0])
+    overlay.draw(answer, locator.atlas, tmp_path / "new" / "overlay.png")
+    drawn, photo = cv2.imread(str(tmp_path / "new" / "overlay.png")), cv2.imread(str(photos[0]))
+    assert drawn.shape == photo.shape
+    assert (drawn != photo).any()
+
+
+def test_large_photos_are_scaled_down_and_small_ones_left() -> None:
+    assert scaled_down(np.zeros((3000, 4000, 3), np.uint8), 1600).shape == (1200, 1600, 3)
+    assert scaled_down(np.zeros((30, 40, 3), np.uint8), 1600).shape == (30, 40, 3)
+
+
+def test_the_maps_own_feature_settings_are_used(folder: MapFolder, locator: Locator) -> None:
+    recorded = folder.settings("odometry")["features"]
+    used = dataclasses.asdict(locator._front_end._config)
+    assert used == recorded | {"max_features": Config().locate.max_features}
