@@ -36,7 +36,7 @@ def locate(
     csv_file: Path | None,
     overlay: Path | None,
 ) -> int:
-    r"""Find where PHOTOS, or the photos in folders, were taken.
+    """Find where PHOTOS, or the photos in folders, were taken.
 
     Exit code 0: located, all of them; 3: not located, the reason is given; 1: an error, or a photo
     that cannot be read. The pose of a single located photo becomes the map's current place, where
@@ -46,7 +46,7 @@ def locate(
     vnav locate photo.jpg --map my-map
     vnav locate photo.jpg --camera camera.toml --json
     vnav locate photos/ --csv poses.csv --overlay drawn/
-    """
+    """  # noqa: D301 - click reads the backspace as "do not wrap"
     from vnav import config
     from vnav.io.map_folder import MapFolder
     from vnav.io.photos import AUTO, find_photos

@@ -1,0 +1,137 @@
+"""vnav locate as a user calls it: what is printed where, and the exit codes."""
+
+import json
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from click.testing import CliRunner, Result
+
+from vnav.cli.main import cli
+from vnav.config import Config
+from vnav.errors import CameraError, MapError, PhotoError
+from vnav.io.map_folder import MapFolder
+from vnav.stages import index
+
+
+@pytest.fixture(scope="module")
+def indexed(tmp_path_factory: pytest.TempPathFactory, tiny_map: Path) -> Path:
+    root = tmp_path_factory.mktemp("maps") / "map"
+    shutil.copytree(tiny_map, root)
+    index.run(MapFolder(root), Config())
+    return root
+
+
+@pytest.fixture(scope="module")
+def photos(tiny_capture: Path) -> Path:
+    return tiny_capture / "photos"
+
+
+@pytest.fixture
+def black(tmp_path: Path) -> Path:
+    path = tmp_path / "black.png"
+    cv2.imwrite(str(path), np.zeros((240, 320, 3), np.uint8))
+    return path
+
+
+def run(*arguments: object) -> Result:
+    return CliRunner().invoke(
+        cli,
+        ["locate", *(str(a) for a in arguments)],
+        standalone_mode=False,
+        catch_exceptions=False,
+    )
+
+
+def first_of(photos: Path) -> Path:
+    return min(photos.glob("*.jpg"))
+
+
+def test_a_located_photo_is_a_line_and_exit_code_0(indexed: Path, photos: Path) -> None:
+    result = run(first_of(photos), "--map", indexed)
+    assert result.return_value == 0
+    assert result.stdout.startswith(f"{first_of(photos)}: at ")
+
+
+def test_one_photo_as_json_is_an_object_and_several_are_an_array(
+    indexed: Path, photos: Path
+) -> None:
+    one = json.loads(run(first_of(photos), "--map", indexed, "--json").stdout)
+    many = json.loads(run(photos, "--map", indexed, "--json").stdout)
+    assert one["located"]
+    assert [Path(value["photo"]) for value in many] == sorted(photos.glob("*.jpg"))
+
+
+def test_the_pose_of_one_photo_is_remembered_that_of_several_is_not(
+    indexed: Path, photos: Path
+) -> None:
+    said = json.loads(run(first_of(photos), "--map", indexed, "--json").stdout)
+    current = MapFolder(indexed).current()
+    assert current is not None
+    assert current["T_world_camera"] == said["T_world_camera"]
+    run(photos, "--map", indexed)
+    assert MapFolder(indexed).current() == current
+
+
+def test_a_photo_that_is_not_located_is_exit_code_3(indexed: Path, black: Path) -> None:
+    result = run(black, "--map", indexed)
+    assert result.return_value == 3
+    assert "not located: too few features; the photo is dark" in result.stdout
+
+
+def test_one_of_several_not_located_is_exit_code_3(
+    indexed: Path, photos: Path, black: Path
+) -> None:
+    assert run(first_of(photos), black, "--map", indexed).return_value == 3
+
+
+def test_one_of_several_unreadable_is_exit_code_1_and_the_others_are_answered(
+    indexed: Path, photos: Path, tmp_path: Path
+) -> None:
+    broken = tmp_path / "broken.jpg"
+    broken.write_text("none")
+    result = run(broken, first_of(photos), "--map", indexed)
+    assert result.return_value == 1
+    assert f"{first_of(photos)}: at " in result.stdout
+    with pytest.raises(PhotoError):
+        run(broken, "--map", indexed)
+
+
+def test_csv_and_overlays_are_written(indexed: Path, photos: Path, tmp_path: Path) -> None:
+    table, drawn = tmp_path / "poses.csv", tmp_path / "drawn"
+    run(photos, "--map", indexed, "--csv", table, "--overlay", drawn)
+    names = sorted(path.name for path in photos.glob("*.jpg"))
+    assert len(table.read_text().splitlines()) == 1 + len(names)
+    assert sorted(path.name for path in drawn.iterdir()) == names
+
+
+def test_an_unknown_camera_is_estimated(indexed: Path, photos: Path) -> None:
+    value = json.loads(run(first_of(photos), "--map", indexed, "--camera", "auto", "--json").stdout)
+    assert value["intrinsics_source"] == "estimated"
+    if value["located"]:
+        assert value["intrinsics"]["sigma_fx"] > 0
+
+
+def test_a_camera_file_that_is_missing_is_told(indexed: Path, photos: Path) -> None:
+    with pytest.raises(CameraError, match=r"nowhere\.toml"):
+        run(first_of(photos), "--map", indexed, "--camera", "nowhere.toml")
+
+
+def test_without_a_map_the_command_that_makes_one_is_named(photos: Path, tmp_path: Path) -> None:
+    with pytest.raises(MapError, match="vnav build-map"):
+        run(first_of(photos), "--map", tmp_path / "none")
+
+
+def test_locate_loads_no_heavy_library(indexed: Path, photos: Path, tmp_path: Path) -> None:
+    code = (
+        "import sys; from vnav.cli.main import cli\n"
+        f"cli.main(['locate', {str(first_of(photos))!r}, '--map', {str(indexed)!r}],"
+        " standalone_mode=False)\n"
+        "heavy = {'open3d', 'sklearn', 'scipy', 'numba', 'gtsam', 'matplotlib'}\n"
+        "assert not heavy & set(sys.modules), heavy & set(sys.modules)"
+    )
+    subprocess.run([sys.executable, "-c", code], cwd=tmp_path, check=True)
