@@ -12,8 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vnav.config import CaptureConfig
+from vnav.core.association import associate
 from vnav.errors import CaptureError
-from vnav.io.frame_list import FrameList, ImageFile, associate, paired
+from vnav.io.frame_list import FrameList, ImageFile, paired
 from vnav.io.tum import read_truth as read_truth  # groundtruth.txt, as there
 from vnav.io.tum import truth_path as truth_path
 

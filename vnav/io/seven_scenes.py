@@ -11,10 +11,11 @@ from numpy.typing import NDArray
 
 from vnav.config import CaptureConfig
 from vnav.core import se3
+from vnav.core.association import associate
 from vnav.core.camera import Camera
 from vnav.core.trajectory import Trajectory
 from vnav.errors import CaptureError, TrajectoryError
-from vnav.io.frame_list import FrameList, ImageFile, associate, paired
+from vnav.io.frame_list import FrameList, ImageFile, paired
 
 NAME = "7-Scenes"
 LAYOUT = "frame-000000.color.png and frame-000000.depth.png"

@@ -5,10 +5,11 @@ from pathlib import Path
 import numpy as np
 
 from vnav.config import CaptureConfig
+from vnav.core.association import associate
 from vnav.core.camera import Camera
 from vnav.core.trajectory import Trajectory
 from vnav.errors import CaptureError
-from vnav.io.frame_list import FrameList, ImageFile, associate, paired
+from vnav.io.frame_list import FrameList, ImageFile, paired
 from vnav.io.trajectories import read_tum
 
 NAME = "TUM RGB-D"

@@ -6,9 +6,9 @@ from typing import Any
 import numpy as np
 
 from vnav import metrics
+from vnav.core.association import associate
 from vnav.core.trajectory import Trajectory
 from vnav.errors import TrajectoryError
-from vnav.io.frame_list import associate
 
 MIN_PAIRS = 3  # what an alignment takes
 
