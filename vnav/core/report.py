@@ -8,7 +8,8 @@ from typing import Any
 class Report:
     """Counts and quality of a finished stage; ``reused`` where nothing had to be done.
 
-    ``lines`` are for people, the rest for programs; ``seconds`` the only place for times.
+    ``lines`` are for people, the rest for programs. ``seconds`` and ``cpu_seconds``, summed over
+    all threads, are the only place for times.
     """
 
     stage: str
@@ -16,6 +17,7 @@ class Report:
     lines: tuple[str, ...] = ()
     warnings: tuple[str, ...] = ()
     seconds: float = 0.0
+    cpu_seconds: float = 0.0
     reused: bool = field(default=False)
 
     def as_dict(self) -> dict[str, Any]:

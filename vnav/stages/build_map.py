@@ -1,7 +1,5 @@
 """From captures to a finished map: claim 3, every stage in its turn."""
 
-import resource
-import time
 from collections.abc import Sequence
 
 from vnav.config import Config
@@ -10,7 +8,7 @@ from vnav.core.report import Report
 from vnav.errors import MapError
 from vnav.io.capture import Capture
 from vnav.io.map_folder import STAGES, MapFolder
-from vnav.stages.common import finished
+from vnav.stages.common import clock, finished, peak_memory_mb
 
 
 def build_map(
@@ -24,7 +22,7 @@ def build_map(
 
     MapError where the map was made of other captures.
     """
-    started = time.monotonic()
+    started = clock()
     expect_captures(folder, captures)
     from vnav.stages import fuse, index, loops, odometry, optimise, pictures, vocabulary
 
@@ -55,7 +53,7 @@ def expect_captures(folder: MapFolder, captures: Sequence[Capture]) -> None:
 def _whole(folder: MapFolder) -> Report:
     files = [path for path in folder.root.rglob("*") if path.is_file()]
     size_mb = sum(path.stat().st_size for path in files) / 1e6
-    memory_mb = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
+    memory_mb = peak_memory_mb()
     values = {"map_mb": round(size_mb, 1), "peak_memory_mb": round(memory_mb)}
     lines = (f"{size_mb:.0f} MB on disk, peak memory {memory_mb:.0f} MB",)
     return Report("map", values, lines)

@@ -24,7 +24,7 @@ from vnav.io.map_folder import MapFolder
 from vnav.io.ply import write_cloud, write_mesh
 from vnav.planning.projection import project
 from vnav.stages import pictures
-from vnav.stages.common import finished, reused, settings_of
+from vnav.stages.common import clock, finished, reused, settings_of
 from vnav.volumes.cloud import VoxelCloud, filter_depth, first_in_voxel
 from vnav.volumes.octree import Leaves, Octree
 
@@ -37,7 +37,7 @@ def run(folder: MapFolder, config: Config, *, progress: Progress = silent) -> Re
     Writes fuse/cloud.ply, occupancy.ot and .bt, mesh.ply, grid.pgm and .yaml, and the pictures in
     reports/.
     """
-    started = time.monotonic()
+    started = clock()
     settings, inputs = settings_of(config, STAGE), folder.inputs_of("odometry", "optimise")
     if folder.is_current(STAGE, settings, inputs):
         return reused(folder, STAGE)

@@ -1,6 +1,5 @@
 """The index stage: landmarks, words and visibility, made ready for finding photos."""
 
-import time
 
 import numpy as np
 
@@ -13,14 +12,14 @@ from vnav.io.index_file import write_index
 from vnav.io.map_folder import MapFolder
 from vnav.io.tree_file import load_tree
 from vnav.localisation.indexing import MappedKeyframe, build
-from vnav.stages.common import finished, reused, settings_of
+from vnav.stages.common import clock, finished, reused, settings_of
 
 STAGE = "index"
 
 
 def run(folder: MapFolder, config: Config, *, progress: Progress = silent) -> Report:
     """Index the map's landmarks by the words of their descriptors; writes index/index.npz."""
-    started = time.monotonic()
+    started = clock()
     settings = settings_of(config, STAGE)
     inputs = folder.inputs_of("odometry", "vocabulary", "optimise")
     if folder.is_current(STAGE, settings, inputs):

@@ -2,7 +2,6 @@
 
 import dataclasses
 import os
-import time
 from collections.abc import Iterable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
@@ -26,7 +25,7 @@ from vnav.io.map_folder import MapFolder
 from vnav.io.tree_file import load_tree
 from vnav.posegraph import softened
 from vnav.registration import Sensor, register
-from vnav.stages.common import finished, reused, settings_of
+from vnav.stages.common import clock, finished, reused, settings_of
 
 Array = NDArray[np.float64]
 Candidate = tuple[int, int, str, float]
@@ -34,7 +33,7 @@ Candidate = tuple[int, int, str, float]
 
 def run(folder: MapFolder, config: Config, *, progress: Progress = silent) -> Report:
     """Find, verify and record loops between keyframes."""
-    started = time.monotonic()
+    started = clock()
     settings = settings_of(config, "registration", "loops", "optimise")
     inputs = folder.inputs_of("odometry", "vocabulary")
     if folder.is_current("loops", settings, inputs):

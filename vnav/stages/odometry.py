@@ -2,7 +2,6 @@
 
 import dataclasses
 import os
-import time
 from collections import deque
 from collections.abc import Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
@@ -29,7 +28,7 @@ from vnav.io.map_folder import MapFolder
 from vnav.io.rectify import rectified
 from vnav.posegraph import chain
 from vnav.registration import Sensor, register
-from vnav.stages.common import finished, reused, settings_of
+from vnav.stages.common import clock, finished, reused, settings_of
 
 
 def run(
@@ -40,7 +39,7 @@ def run(
     progress: Progress = silent,
 ) -> Report:
     """Track every frame of the captures, choose keyframes, name what is lost."""
-    started = time.monotonic()
+    started = clock()
     settings = settings_of(config, "capture", "features", "registration", "odometry")
     inputs = {f"capture_{k}": capture.fingerprint() for k, capture in enumerate(captures)}
     if folder.is_current("odometry", settings, inputs):

@@ -1,7 +1,6 @@
 """One robust pose graph over all frames, then landmarks and bundle adjustment: claim 3, S7."""
 
 import dataclasses
-import time
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -30,7 +29,7 @@ from vnav.io.artifacts import (
 )
 from vnav.io.map_folder import MapFolder
 from vnav.io.trajectories import write_tum
-from vnav.stages.common import finished, reused, settings_of
+from vnav.stages.common import clock, finished, reused, settings_of
 from vnav.stages.landmarks import Adjusted, Tracks, adjust_landmarks
 from vnav.stages.world import find_world, seen_surface
 
@@ -39,7 +38,7 @@ Array = NDArray[np.float64]
 
 def run(folder: MapFolder, config: Config, *, progress: Progress = silent) -> Report:
     """Final poses of all frames, landmarks, and the world frame."""
-    started = time.monotonic()
+    started = clock()
     settings = settings_of(config, "registration", "odometry", "optimise")
     inputs = folder.inputs_of("odometry", "loops")
     if folder.is_current("optimise", settings, inputs):

@@ -1,6 +1,5 @@
 """The vocabulary stage: one tree over what the keyframes saw with depth (claim 4, 2.1)."""
 
-import time
 
 import numpy as np
 
@@ -11,7 +10,7 @@ from vnav.core.report import Report
 from vnav.io.artifacts import load_odometry
 from vnav.io.map_folder import MapFolder
 from vnav.io.tree_file import write_tree
-from vnav.stages.common import finished, reused, settings_of
+from vnav.stages.common import clock, finished, reused, settings_of
 
 STAGE = "vocabulary"
 
@@ -21,7 +20,7 @@ def run(folder: MapFolder, config: Config, *, progress: Progress = silent) -> Re
 
     Keyframes without any such feature give a tree of one word.
     """
-    started = time.monotonic()
+    started = clock()
     settings, inputs = settings_of(config, STAGE), folder.inputs_of("odometry")
     if folder.is_current(STAGE, settings, inputs):
         return reused(folder, STAGE)
