@@ -43,7 +43,7 @@ def finished(folder: MapFolder, report: Report, started: Clock) -> Report:
 def peak_memory_mb() -> float:
     """The most memory that this process has had, in MB of 2^20 bytes.
 
-    Linux tells of this program alone; elsewhere what a process had before it became this one counts.
+    Linux tells of this program alone; elsewhere what started the process may count, too.
     """
     status = Path("/proc/self/status")
     found = re.search(r"VmHWM:\s*(\d+) kB", status.read_text()) if status.is_file() else None

@@ -1,6 +1,5 @@
 """The keyframes' depth made one cloud, octree, mesh and grid: claim 3, S8, and claim 5, 3.1."""
 
-import time
 from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any

@@ -1,6 +1,5 @@
 """The index stage: landmarks, words and visibility, made ready for finding photos."""
 
-
 import numpy as np
 
 from vnav.config import Config

@@ -1,6 +1,5 @@
 """The vocabulary stage: one tree over what the keyframes saw with depth (claim 4, 2.1)."""
 
-
 import numpy as np
 
 from vnav import vocabulary
