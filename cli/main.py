@@ -27,6 +27,7 @@ COMMANDS = {
     "info": "info",
     "export": "export",
     "report": "report",
+    "datasets": "datasets",
     "demo": "demo",
     "doctor": "doctor",
 }

@@ -1,5 +1,9 @@
 """Fixtures that several parts' tests share; made once a session, read-only."""
 
+import threading
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 
 import pytest
@@ -120,3 +124,52 @@ def whole_map(tmp_path_factory: pytest.TempPathFactory, tiny_capture: Path, tiny
     config = Config(features=FeaturesConfig(max_features=700))
     build_map(MapFolder(root), [open_capture(tiny_capture, CaptureConfig())], config)
     return root
+
+
+@dataclass
+class FileServer:
+    """A web server for one test: what it has, how it behaves, what it was asked."""
+
+    url: str
+    files: dict[str, bytes] = field(default_factory=dict)
+    tag: str = '"1"'  # ETag of all of them
+    knows_ranges: bool = True
+    breaks_after: list[int] = field(default_factory=list)  # bytes of the next answers, each once
+    asked: list[str] = field(default_factory=list)  # the Range of each request, "" for none
+
+
+@pytest.fixture
+def file_server() -> Iterator[FileServer]:
+    """A local HTTP server that can resume downloads, and break them off."""
+
+    class Handler(BaseHTTPRequestHandler):
+        def do_GET(self) -> None:
+            wanted = self.headers.get("Range", "")
+            served.asked.append(wanted)
+            content = served.files.get(self.path)
+            if content is None:
+                self.send_error(404)
+                return
+            same = self.headers.get("If-Range", served.tag) == served.tag
+            start = int(wanted[6:-1]) if wanted and same and served.knows_ranges else 0
+            self.send_response(206 if start else 200)
+            if start:
+                last = len(content) - 1
+                self.send_header("Content-Range", f"bytes {start}-{last}/{len(content)}")
+            self.send_header("Content-Length", str(len(content) - start))
+            self.send_header("ETag", served.tag)
+            self.end_headers()
+            count = served.breaks_after.pop(0) if served.breaks_after else len(content)
+            self.wfile.write(content[start : start + count])
+
+        def log_message(self, *arguments: object) -> None:
+            pass
+
+    server = ThreadingHTTPServer(("127.0.0.1", 0), Handler)
+    served = FileServer(f"http://127.0.0.1:{server.server_port}")
+    thread = threading.Thread(target=server.serve_forever, args=(0.01,))
+    thread.start()
+    yield served
+    server.shutdown()
+    server.server_close()
+    thread.join()

@@ -53,6 +53,11 @@ def test_the_installed_package_brings_its_presets_and_types(site: Path) -> None:
     assert (site / "vnav" / "py.typed").is_file()
 
 
+def test_the_installed_package_brings_its_public_sequences(site: Path) -> None:
+    listed = _run(site, site / "bin" / "vnav", "datasets", "list")
+    assert "rgbd_dataset_freiburg3_walking_xyz" in listed
+
+
 def test_every_module_of_the_checkout_is_in_the_wheel(site: Path) -> None:
     expected = {p.relative_to(ROOT) for p in (ROOT / "vnav").rglob("*.py")}
     for folder in ("cli", "configs", "datasets"):

@@ -31,3 +31,7 @@ class PhotoError(VnavError):
 
 class TrajectoryError(VnavError):
     """A trajectory file cannot be read, or too little of it can be compared."""
+
+
+class DatasetError(VnavError):
+    """A public sequence is unknown, cannot be fetched, or is not what it was."""

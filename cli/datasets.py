@@ -1,0 +1,126 @@
+"""Fetch public RGB-D sequences."""
+
+import json
+from dataclasses import asdict
+from pathlib import Path
+
+import click
+
+from vnav.cli.options import console_progress
+
+json_option = click.option("--json", "as_json", is_flag=True, help="Print it as one JSON array.")
+names_argument = click.argument("names", metavar="[NAME]...", nargs=-1)
+in_option = click.option(
+    "--in",
+    "root",
+    metavar="DIR",
+    type=click.Path(path_type=Path),
+    help="Look there instead of in $VNAV_DATASETS or the user's cache.",
+)
+
+
+@click.group()
+def datasets() -> None:
+    """List, fetch and verify public RGB-D sequences, as the suites of vnav evaluate use them.
+
+    They are kept in $VNAV_DATASETS, else in vnav/datasets in the user's cache.
+    """
+
+
+@datasets.command("list")
+@names_argument
+@in_option
+@json_option
+def list_(names: tuple[str, ...], root: Path | None, as_json: bool) -> None:
+    """List the sequences that can be fetched: all, or those NAMEs or patterns stand for."""
+    from vnav.io.catalogue import catalogue, named
+    from vnav.io.datasets import datasets_folder, state
+
+    root = root or datasets_folder()
+    chosen = named(catalogue(), names) if names else catalogue()
+    states = [state(sequence, root) for sequence in chosen]
+    if as_json:
+        rows = [
+            asdict(sequence) | {"state": found, "folder": str(root / sequence.name)}
+            for sequence, found in zip(chosen, states, strict=True)
+        ]
+        click.echo(json.dumps(rows, indent=1))
+        return
+    group = ""
+    for sequence, found in zip(chosen, states, strict=True):
+        heading = f"{sequence.page}  --config {sequence.config}; depth: {sequence.depth}"
+        if heading != group:
+            click.echo(heading)
+            group = heading
+        size = f"{sequence.bytes / 1e6:.0f} MB" if sequence.bytes else ""
+        notes = [] if sequence.truth else ["no true trajectory"]
+        notes += [sequence.note] if sequence.note else []
+        line = f"  {sequence.name:62} {found:8} {size:>8}  {'; '.join(notes)}"
+        click.echo(line.rstrip())
+    click.echo(f"kept in {root}")
+
+
+@datasets.command()
+@click.argument("names", metavar="NAME...", nargs=-1, required=True)
+@click.option(
+    "--to",
+    "root",
+    metavar="DIR",
+    type=click.Path(path_type=Path),
+    help="Keep them there instead of in $VNAV_DATASETS or the user's cache.",
+)
+@click.option(
+    "--from", "base_url", metavar="URL", help="A mirror with the folders of the original."
+)
+def fetch(names: tuple[str, ...], root: Path | None, base_url: str | None) -> None:
+    """Fetch the sequences NAME: rgbd_dataset_freiburg1_desk, fr1/desk, or a pattern, 'fr1/*'.
+
+    Goes on where an earlier fetch broke off; checks the archive; unpacks it.
+    """
+    from vnav.io.catalogue import catalogue, named
+    from vnav.io.datasets import datasets_folder
+    from vnav.io.datasets import fetch as fetch_one
+
+    root = root or datasets_folder()
+    for sequence in named(catalogue(base_url), names):
+        new = fetch_one(sequence, root, console_progress())
+        click.echo(f"{root / sequence.name}  {'fetched' if new else 'there already, and whole'}")
+
+
+@datasets.command()
+@names_argument
+@in_option
+@json_option
+def verify(names: tuple[str, ...], root: Path | None, as_json: bool) -> int:
+    """Check every file of the fetched sequences, or of those NAMEs or patterns stand for.
+
+    Exit code 1 where a file is missing or damaged: fetch replaces the sequence then.
+    """
+    from vnav.io import datasets as io
+    from vnav.io.catalogue import catalogue, named
+
+    root = root or io.datasets_folder()
+    chosen = named(catalogue(), names) if names else catalogue()
+    fetched = [sequence for sequence in chosen if io.state(sequence, root) == "fetched"]
+    verdicts = {sequence.name: io.verify(sequence, root) for sequence in fetched}
+    absent = [sequence.name for sequence in chosen if names and sequence not in fetched]
+    if as_json:
+        rows = [{"name": name} | asdict(verdict) for name, verdict in verdicts.items()]
+        click.echo(json.dumps(rows + [{"name": name, "files": 0} for name in absent], indent=1))
+    else:
+        for name, verdict in verdicts.items():
+            click.echo(f"{name}  {_summary(verdict.missing, verdict.damaged, verdict.files)}")
+        for name in absent:
+            click.echo(f"{name}  not fetched")
+        if not verdicts and not absent:
+            click.echo(f"nothing was fetched to {root}")
+    return int(bool(absent) or not all(verdict.whole for verdict in verdicts.values()))
+
+
+def _summary(missing: list[str], damaged: list[str], files: int) -> str:
+    wrong = [
+        f"{len(names)} {kind} ({', '.join(names[:3])}{', ...' if len(names) > 3 else ''})"
+        for names, kind in ((missing, "missing"), (damaged, "damaged"))
+        if names
+    ]
+    return f"{'; '.join(wrong)} of {files} files" if wrong else f"{files} files, whole"
