@@ -32,6 +32,7 @@ OWNERS = {
     "open3d": {"vnav.volumes"},
     "sklearn": {"vnav.vocabulary"},
     "click": {"vnav.cli"},
+    "distributed": {"vnav.batch"},
     "cv2": {
         *("vnav.io", "vnav.features", "vnav.masking", "vnav.registration", "vnav.localisation"),
         *("vnav.synthetic", "vnav.stages"),
@@ -44,7 +45,7 @@ OWNERS = {
 }
 
 STAGES = ("odometry", "vocabulary", "loops", "optimise", "fuse", "index")
-HEAVY = {"open3d", "sklearn", "gtsam", "octomap", "numba", "matplotlib", "scipy"}
+HEAVY = {"open3d", "sklearn", "gtsam", "octomap", "numba", "matplotlib", "scipy", "distributed"}
 
 
 def _modules() -> dict[str, Path]:
