@@ -178,12 +178,17 @@ class Config:
     plan: PlanConfig = field(default_factory=PlanConfig)
 
 
-def load(source: str | None = None, settings: Iterable[str] = ()) -> Config:
-    """The defaults, changed by a preset or file, then by settings like ``odometry.max_depth_m=4``.
+def load(
+    source: str | None = None, settings: Iterable[str] = (), base: Config | None = None
+) -> Config:
+    """A configuration changed by a preset or file, then by settings like ``odometry.max_depth_m=4``.
 
-    Raises ConfigError for an unknown name, a value of the wrong type, or an unreadable file.
+    It begins with ``base``, else with the defaults. Raises ConfigError for an unknown name, a value
+    of the wrong type, or an unreadable file.
     """
-    config = Config() if source is None else updated(Config(), _read(source), source)
+    config = base or Config()
+    if source is not None:
+        config = updated(config, _read(source), source)
     for setting in settings:
         name, equals, text = setting.partition("=")
         if not equals:

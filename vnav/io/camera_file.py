@@ -31,13 +31,12 @@ def read_color(path: Path) -> Intrinsics:
     return _color(_read(path), str(path))
 
 
-def preset_camera(name: str) -> Camera:
-    """A camera that ships with vnav; CameraError lists them where there is none of that name."""
+def preset_camera(name: str) -> Path:
+    """The camera.toml of a camera that ships with vnav; CameraError lists them where there is none of that name."""
     if name not in preset_cameras():
         known = ", ".join(preset_cameras())
         raise CameraError(f"expected a camera preset ({known}), found '{name}'")
-    text = (_presets() / f"{name}.toml").read_text("utf-8")
-    return _camera(tomllib.loads(text), f"camera preset {name}")
+    return Path(str(_presets() / f"{name}.toml"))
 
 
 def preset_cameras() -> list[str]:

@@ -122,18 +122,22 @@ def _format_of(path: Path) -> CaptureFormat:
     )
 
 
-def _camera(path: Path, config: CaptureConfig, camera_file: Path | None) -> Camera:
+def camera_path(path: Path, config: CaptureConfig, camera_file: Path | None = None) -> Path:
+    """The camera.toml that is a capture's: see `open_capture`; CameraError where there is none."""
     beside = path / "camera.toml"
     if camera_file is not None or beside.is_file():
-        camera = read_camera(camera_file or beside)
-    elif config.preset_camera:
-        camera = preset_camera(config.preset_camera)
-    else:
-        presets = ", ".join(preset_cameras())
-        raise CameraError(
-            f"expected a camera for {path}, found no camera.toml in it; write one, or name one with"
-            f" --camera FILE, or a preset with --set capture.preset_camera=NAME ({presets})"
-        )
+        return camera_file or beside
+    if config.preset_camera:
+        return preset_camera(config.preset_camera)
+    presets = ", ".join(preset_cameras())
+    raise CameraError(
+        f"expected a camera for {path}, found no camera.toml in it; write one, or name one with"
+        f" --camera FILE, or a preset with --set capture.preset_camera=NAME ({presets})"
+    )
+
+
+def _camera(path: Path, config: CaptureConfig, camera_file: Path | None) -> Camera:
+    camera = read_camera(camera_path(path, config, camera_file))
     if config.units_per_metre > 0:
         camera = dataclasses.replace(camera, units_per_metre=config.units_per_metre)
     return camera
