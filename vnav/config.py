@@ -181,7 +181,7 @@ class Config:
 def load(
     source: str | None = None, settings: Iterable[str] = (), base: Config | None = None
 ) -> Config:
-    """A configuration changed by a preset or file, then by settings like ``odometry.max_depth_m=4``.
+    """A configuration changed by a preset or file, then by ``odometry.max_depth_m=4`` and such.
 
     It begins with ``base``, else with the defaults. Raises ConfigError for an unknown name, a value
     of the wrong type, or an unreadable file.

@@ -31,8 +31,13 @@ def read_color(path: Path) -> Intrinsics:
     return _color(_read(path), str(path))
 
 
-def preset_camera(name: str) -> Path:
-    """The camera.toml of a camera that ships with vnav; CameraError lists them where there is none of that name."""
+def preset_camera(name: str) -> Camera:
+    """A camera that ships with vnav; CameraError lists them where there is none of that name."""
+    return read_camera(preset_path(name))
+
+
+def preset_path(name: str) -> Path:
+    """The camera.toml of a camera that ships with vnav; CameraError as in `preset_camera`."""
     if name not in preset_cameras():
         known = ", ".join(preset_cameras())
         raise CameraError(f"expected a camera preset ({known}), found '{name}'")

@@ -13,7 +13,7 @@ from vnav.core.frame import Frame
 from vnav.core.trajectory import Trajectory
 from vnav.errors import CameraError, CaptureError
 from vnav.io import color_depth, seven_scenes, tum
-from vnav.io.camera_file import preset_camera, preset_cameras, read_camera
+from vnav.io.camera_file import preset_cameras, preset_path, read_camera
 from vnav.io.folder_capture import FolderCapture
 from vnav.io.frame_list import FrameList
 from vnav.io.trajectories import read_tum
@@ -128,7 +128,7 @@ def camera_path(path: Path, config: CaptureConfig, camera_file: Path | None = No
     if camera_file is not None or beside.is_file():
         return camera_file or beside
     if config.preset_camera:
-        return preset_camera(config.preset_camera)
+        return preset_path(config.preset_camera)
     presets = ", ".join(preset_cameras())
     raise CameraError(
         f"expected a camera for {path}, found no camera.toml in it; write one, or name one with"
