@@ -3,7 +3,7 @@ from importlib import resources
 
 import pytest
 
-from vnav.config import load
+from vnav.config import Config, load, updated
 from vnav.errors import DatasetError
 from vnav.io.camera_file import preset_camera
 from vnav.io.catalogue import catalogue, named
@@ -56,13 +56,22 @@ def test_an_unknown_name_is_told_with_the_nearest() -> None:
         named(KNOWN.values(), ["fr1/deks"])
 
 
-def test_the_suites_hold_every_sequence_with_truth_once() -> None:
-    rows = [row for suite in SUITES for row in suite["sequence"]]
-    captures = [row["capture"] for row in rows]
-    assert sorted(captures) == sorted(name for name, s in KNOWN.items() if s.truth)
-    for row in rows:
+def test_the_suites_hold_every_sequence_with_truth() -> None:
+    rows = {row["name"]: row for suite in SUITES for row in suite["sequence"]}
+    plain = [row["capture"] for row in rows.values() if "settings" not in row]
+    assert sorted(plain) == sorted(name for name, s in KNOWN.items() if s.truth)
+    for name, row in rows.items():
         sequence = KNOWN[row["capture"]]
-        assert (row["name"], row["config"]) == (sequence.short_name, sequence.config)
+        assert name.removesuffix("-5208") == sequence.short_name
+        assert row["config"] == sequence.config
+
+
+def test_freiburg2_is_also_evaluated_with_the_depth_that_its_peer_used() -> None:
+    rows = [row for suite in SUITES for row in suite["sequence"] if "settings" in row]
+    assert {row["name"] for row in rows} == {"fr2/xyz-5208", "fr2/desk-5208"}
+    for row in rows:
+        assert updated(Config(), row["settings"], "").capture.units_per_metre == 5208
+        assert [peer["system"] for peer in row["peers"]] == ["ORB-SLAM2"]
 
 
 def test_published_figures_are_metres_and_name_their_source() -> None:
