@@ -1,7 +1,6 @@
 """One self-contained page about a map: numbers, pictures, warnings, loops and lost spans."""
 
-import base64
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from html import escape
 from pathlib import Path
 from typing import Any
@@ -11,24 +10,8 @@ from vnav.core.mapping import LoopVerdict
 from vnav.errors import MapError
 from vnav.io.artifacts import load_loops
 from vnav.io.map_folder import STAGES, MapFolder, to_json, write_text
-from vnav.stages import pictures
+from vnav.stages import html, pictures
 from vnav.stages.overview import overview
-
-STYLE = """
-:root { color-scheme: light dark; }
-body { font: 15px/1.5 system-ui, sans-serif; max-width: 62rem; margin: 2rem auto; padding: 0 1rem }
-h1 { margin-bottom: 0 } h2 { margin: 2.5rem 0 .5rem } small { opacity: .7 }
-table { border-collapse: collapse; width: 100% }
-th, td { text-align: left; padding: .25rem .75rem .25rem 0; vertical-align: top }
-th, tr + tr td { border-top: 1px solid #8884 }
-img { width: 100%; background: #fff; border-radius: 6px; margin: .5rem 0 }
-pre { overflow-x: auto; font-size: 13px }
-.tiles { display: flex; flex-wrap: wrap; gap: .75rem; margin: 1.5rem 0 }
-.tile { flex: 1 1 8rem; padding: .6rem .9rem; border-radius: 8px; background: #8882 }
-.tile b { display: block; font-size: 1.35rem }
-.warning { padding: .5rem .9rem; border-left: 4px solid #e65100; background: #e6510018 }
-.current, .accepted { color: #2e7d32 } .stale, .missing, .rejected { color: #c62828 }
-"""
 
 
 def write(folder: MapFolder) -> Path:
@@ -51,9 +34,9 @@ def page(folder: MapFolder) -> str:
     """The page as HTML; draws the map's pictures anew."""
     values = overview(folder)
     reports = {stage: folder.report(stage) for stage in (*STAGES, "map")}
-    title = escape(_title(values))
+    title = _title(values)
     parts = [
-        f"<h1>{title}</h1>\n<small>{escape(values['map'])}, vnav {__version__}</small>",
+        f"<h1>{escape(title)}</h1>\n<small>{escape(values['map'])}, vnav {__version__}</small>",
         _tiles(values),
         _warnings(reports),
         _pictures(folder, values),
@@ -61,14 +44,9 @@ def page(folder: MapFolder) -> str:
         _lost(values),
         _loops(values, load_loops(folder) if "loops" in values else ()),
         "<h2>All numbers</h2>",
-        *(_details(name, to_json(report)) for name, report in reports.items() if report),
+        *(html.details(name, to_json(report)) for name, report in reports.items() if report),
     ]
-    head = f'<meta charset="utf-8"><title>{title}</title><style>{STYLE}</style>'
-    head += '<meta name="viewport" content="width=device-width">'
-    body = "\n".join(parts)
-    return (
-        f"<!doctype html>\n<html lang=en>\n<head>{head}</head>\n<body>\n{body}\n</body>\n</html>\n"
-    )
+    return html.document(title, "\n".join(parts))
 
 
 def _title(values: dict[str, Any]) -> str:
@@ -89,27 +67,21 @@ def _tiles(values: dict[str, Any]) -> str:
     if "grid" in values:
         tiles["free floor"] = f"{values['grid']['area_m2']['free']:.1f} m²"
     tiles["on disk"] = f"{values['size_mb']:.0f} MB"
-    cells = (f'<div class="tile"><b>{v}</b>{escape(name)}</div>' for name, v in tiles.items())
-    return f'<div class="tiles">{"".join(cells)}</div>'
+    return html.tiles(tiles)
 
 
 def _warnings(reports: dict[str, dict[str, Any]]) -> str:
     found = [
         (name, text) for name, report in reports.items() for text in report.get("warnings", ())
     ]
-    return "\n".join(
-        f'<p class="warning"><b>{escape(name)}</b>: {escape(text)}</p>' for name, text in found
-    )
+    return "\n".join(html.warning(name, text) for name, text in found)
 
 
 def _pictures(folder: MapFolder, values: dict[str, Any]) -> str:
     if "grid" not in values:
         return "<p>No pictures: the map is not fused yet.</p>"
-    images = (base64.b64encode(path.read_bytes()).decode() for path in pictures.draw(folder))
-    return "\n".join(
-        f'<img alt="{name}" src="data:image/png;base64,{image}">'
-        for name, image in zip(pictures.NAMES, images, strict=True)
-    )
+    images = [path.read_bytes() for path in pictures.draw(folder)]
+    return "\n".join(map(html.picture, pictures.NAMES, images))
 
 
 def _stages(values: dict[str, Any], reports: dict[str, dict[str, Any]]) -> str:
@@ -120,7 +92,7 @@ def _stages(values: dict[str, Any], reports: dict[str, dict[str, Any]]) -> str:
         state = f'<span class="{stage["state"]}">{stage["state"]}</span>'
         rows.append((name, state, lines, seconds, f"{stage['size_mb']:.1f} MB"))
     whole = "; ".join(escape(line) for line in reports["map"].get("lines", ()))
-    table = _table(("stage", "state", "", "time", "size"), rows)
+    table = html.table(("stage", "state", "", "time", "size"), rows)
     return f"<h2>Stages</h2>\n{table}\n<p>{whole}</p>"
 
 
@@ -131,7 +103,7 @@ def _lost(values: dict[str, Any]) -> str:
         (span["capture"], f"{span['first']} to {span['last']}", escape(span["reason"]))
         for span in values["lost"]
     ]
-    return "<h2>Frames without a pose</h2>\n" + _table(("capture", "frames", "reason"), rows)
+    return "<h2>Frames without a pose</h2>\n" + html.table(("capture", "frames", "reason"), rows)
 
 
 def _loops(values: dict[str, Any], verdicts: Sequence[LoopVerdict]) -> str:
@@ -142,10 +114,10 @@ def _loops(values: dict[str, Any], verdicts: Sequence[LoopVerdict]) -> str:
         (f"rejected: {escape(reason)}", count) for reason, count in loops["reasons"].items()
     ]
     head = ("keyframes", "found by", "score", "matches", "inliers", "verdict")
-    table = _table(head, (_verdict(v) for v in verdicts))
+    table = html.table(head, (_verdict(v) for v in verdicts))
     return (
         f"<h2>Loops</h2>\n<p>{loops['tried']} candidates tried.</p>\n"
-        + _table(("verdict", "candidates"), counts)
+        + html.table(("verdict", "candidates"), counts)
         + f"<details><summary>Every candidate</summary>{table}</details>"
     )
 
@@ -155,14 +127,3 @@ def _verdict(v: LoopVerdict) -> tuple[object, ...]:
     text = state if v.accepted else f"rejected: {escape(v.reason)}"
     verdict = f'<span class="{state}">{text}</span>'
     return f"{v.i}, {v.j}", escape(v.source), f"{v.score:.3f}", v.matches, v.inliers, verdict
-
-
-def _details(name: str, text: str) -> str:
-    return f"<details><summary>{escape(name)}</summary><pre>{escape(text)}</pre></details>"
-
-
-def _table(head: Iterable[str], rows: Iterable[Iterable[object]]) -> str:
-    """A table whose cells are HTML already."""
-    top = "".join(f"<th>{cell}</th>" for cell in head)
-    lines = ("<tr>" + "".join(f"<td>{cell}</td>" for cell in row) + "</tr>" for row in rows)
-    return f"<table>\n<tr>{top}</tr>\n" + "\n".join(lines) + "\n</table>"
