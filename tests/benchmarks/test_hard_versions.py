@@ -1,8 +1,7 @@
 """The hard versions are what they say: above all the rolled one, exactly."""
 
-import importlib.util
-import sys
 import tomllib
+from collections.abc import Callable
 from pathlib import Path
 from types import ModuleType
 
@@ -16,16 +15,10 @@ from vnav.core.camera import Camera, Intrinsics
 from vnav.io.capture import open_capture
 from vnav.io.trajectories import read_tum
 
-SCRIPT = Path(__file__).parents[2] / "benchmarks" / "hard_versions.py"
-
 
 @pytest.fixture(scope="module")
-def hard() -> ModuleType:
-    spec = importlib.util.spec_from_file_location("hard_versions", SCRIPT)
-    module = importlib.util.module_from_spec(spec)
-    sys.modules["hard_versions"] = module  # dataclasses look themselves up there
-    spec.loader.exec_module(module)
-    return module
+def hard(script: Callable[[str], ModuleType]) -> ModuleType:
+    return script("hard_versions")
 
 
 @pytest.fixture

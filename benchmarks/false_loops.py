@@ -1,0 +1,103 @@
+"""Do wrong loop closures survive the optimisation?
+
+    python benchmarks/false_loops.py MAP CAPTURE [--seeds 5] [--limit 0.02]
+
+copies a finished map up to its loops, adds as many false ones as a tenth of the accepted, optimises
+again and scores. A false loop joins two keyframes drawn at random by the relative pose and the
+information of an accepted loop drawn at random: it looks like all others and is wrong by metres.
+Exit code 1 where one of them is kept, or the ATE exceeds the limit.
+"""
+
+import argparse
+import shutil
+import sys
+import tempfile
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vnav.config import Config, updated
+from vnav.core.frame import Edge
+from vnav.core.mapping import LoopVerdict
+from vnav.io.artifacts import load_loop_edges, load_loops, load_odometry, save_loops
+from vnav.io.capture import read_truth
+from vnav.io.map_folder import MapFolder
+from vnav.io.trajectories import read_tum
+from vnav.stages import optimise
+from vnav.stages.score import score
+
+SHARE = 0.1
+MAX_DIFFERENCE_S = 0.02  # between a pose and its true one
+SOURCE = "injected"
+
+
+def false_loops(
+    edges: tuple[Edge, ...], rows: NDArray[np.intp], count: int, rng: np.random.Generator
+) -> list[Edge]:
+    """Loops between random keyframes (K,) of the frame table that no accepted one joins."""
+    joined = {(e.i, e.j) for e in edges}
+    found: list[Edge] = []
+    while len(found) < count:
+        i, j = sorted(rng.choice(rows, 2, replace=False).tolist())
+        like = edges[rng.integers(len(edges))]
+        if (i, j) not in joined:
+            found.append(Edge(i, j, like.T_i_j, like.information))
+    return found
+
+
+def inject(folder: MapFolder, seed: int) -> int:
+    """Replace the loops of a map by the same and false ones; how many these are."""
+    odometry, (edges, matches) = load_odometry(folder), load_loop_edges(folder)
+    rows = np.array([keyframe.row for keyframe in odometry.keyframes])
+    rng = np.random.default_rng(seed)
+    false = false_loops(edges, rows, round(SHARE * len(edges)), rng)
+    number = {row: k for k, row in enumerate(rows.tolist())}
+    verdicts = [
+        LoopVerdict(number[e.i], number[e.j], SOURCE, 1.0, True, "", 100, 80) for e in false
+    ]
+    settings, inputs = folder.settings("loops"), folder.inputs_of("odometry", "vocabulary")
+    verdicts = [*load_loops(folder, "loops"), *verdicts]
+    with folder.writing("loops", settings, inputs) as draft:
+        save_loops(draft, verdicts, [*edges, *false], matches)
+    return len(false)
+
+
+def optimised(folder: MapFolder, capture: Path) -> tuple[float, int]:
+    """ATE RMSE in metres after optimising anew, and how many of the false loops are kept."""
+    made_with = folder.settings("loops")
+    config = updated(Config(), {"seed": made_with["seed"]}, "the map")
+    optimise.run(folder, config)
+    kept = sum(v.accepted for v in load_loops(folder, "optimise") if v.source == SOURCE)
+    found = read_tum(folder.stage("optimise") / "trajectory_0.tum")
+    scored = score(found, read_truth(capture, config.capture), MAX_DIFFERENCE_S)
+    return scored.ate.translation_m.rmse, kept
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
+    parser.add_argument("map", type=Path)
+    parser.add_argument("capture", type=Path)
+    parser.add_argument("--seeds", type=int, default=5)
+    parser.add_argument("--limit", type=float, default=0.02, help="ATE in metres")
+    asked = parser.parse_args(arguments)
+    worst, survivors = 0.0, 0
+    print("| seed | accepted loops | false loops | of these kept | ATE |\n|---|---|---|---|---|")
+    for seed in range(-1, asked.seeds):
+        with tempfile.TemporaryDirectory() as scratch:
+            folder = MapFolder(Path(scratch) / "map")
+            ignore = shutil.ignore_patterns("optimise", "fuse", "index", "reports", "state")
+            shutil.copytree(asked.map, folder.root, ignore=ignore)
+            accepted = len(load_loop_edges(folder)[0])
+            count = inject(folder, seed) if seed >= 0 else 0
+            ate_m, kept = optimised(folder, asked.capture)
+        name = str(seed) if seed >= 0 else "none"
+        print(f"| {name} | {accepted} | {count} | {kept} | {ate_m:.4f} m |", flush=True)
+        worst, survivors = max(worst, ate_m), survivors + kept
+    print(f"\nworst ATE {worst:.4f} m (limit {asked.limit:g} m), false loops kept: {survivors}")
+    return int(worst > asked.limit or survivors > 0)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

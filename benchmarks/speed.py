@@ -1,0 +1,184 @@
+"""How long a map takes, held against SIFT alone and Open3D's odometry, in one run.
+
+    python benchmarks/speed.py [CAPTURE...]
+
+Without captures: those of ../shared/captures, else a rendered apartment. For each: SIFT on all
+cores from images in memory, by OpenCV's default settings and by vnav's, before and after the rest,
+so that other load on the machine counts for both; `vnav build-map` from nothing, by its own report
+of each stage; Open3D's RGB-D odometry (hybrid) on a sample of frame pairs; and the same map of the
+first half of the frames. Exit code 1 where something wanted is missed.
+"""
+
+import json
+import os
+import shutil
+import subprocess
+import sys
+import tempfile
+import threading
+import time
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from vnav.config import CaptureConfig, FeaturesConfig
+from vnav.features import front_end
+from vnav.io.capture import Capture, open_capture
+from vnav.io.map_folder import STAGES
+from vnav.synthetic import DEMO, cached_capture
+
+SHARED = Path(__file__).parents[2] / "shared" / "captures"
+SIFT_FRAMES, OPEN3D_PAIRS = 300, 20
+WANTED = {"odometry": 1.5, "all but fuse": 2.2, "all": 3.0}  # times SIFT alone, wall
+WANTED_MB, WANTED_DOUBLING = 2048, 2.2
+
+Image = NDArray[np.uint8]
+
+
+def captures(asked: Sequence[str]) -> list[Path]:
+    """What is asked for, else what is there."""
+    if asked:
+        return [Path(path) for path in asked]
+    shared = [SHARED / name for name in ("house", "redkitchen01")]
+    return shared if all(path.is_dir() for path in shared) else [cached_capture(DEMO)]
+
+
+def evenly(capture: Capture, count: int) -> list[int]:
+    """Frames spread over the capture."""
+    return np.unique(np.linspace(0, len(capture) - 1, count).round().astype(int)).tolist()
+
+
+def ms_a_frame(extract: Callable[[Image], Any], images: Sequence[Image]) -> float:
+    """Wall time of one image when all cores are at it; the first ones do not count."""
+    with ThreadPoolExecutor(os.cpu_count()) as pool:
+        list(pool.map(extract, images[:8]))
+        started = time.perf_counter()
+        list(pool.map(extract, images))
+        return (time.perf_counter() - started) / len(images) * 1e3
+
+
+def default_sift() -> Callable[[Image], Any]:
+    """OpenCV's SIFT as it comes, one detector a thread."""
+    own = threading.local()
+
+    def extract(color: Image) -> Any:
+        if not hasattr(own, "sift"):
+            own.sift = cv2.SIFT.create()
+        return own.sift.detectAndCompute(cv2.cvtColor(color, cv2.COLOR_RGB2GRAY), None)
+
+    return extract
+
+
+def sift_ms(images: Sequence[Image]) -> tuple[float, float]:
+    """By OpenCV's settings, and by vnav's."""
+    vnav = front_end(FeaturesConfig())
+    return ms_a_frame(default_sift(), images), ms_a_frame(vnav.extract, images)
+
+
+def open3d_ms(capture: Capture) -> float:
+    """Median wall time of Open3D's hybrid RGB-D odometry between neighbours, as it comes."""
+    import open3d as o3d
+
+    intrinsics = capture.camera.color
+    camera = o3d.camera.PinholeCameraIntrinsic(
+        *intrinsics.size, intrinsics.fx, intrinsics.fy, intrinsics.cx, intrinsics.cy
+    )
+    hybrid = o3d.pipelines.odometry.RGBDOdometryJacobianFromHybridTerm()
+    option = o3d.pipelines.odometry.OdometryOption()
+
+    def image(index: int) -> Any:
+        frame = capture.read(index)
+        return o3d.geometry.RGBDImage.create_from_color_and_depth(
+            o3d.geometry.Image(np.ascontiguousarray(frame.color)),
+            o3d.geometry.Image(np.ascontiguousarray(frame.depth_m)),
+            depth_scale=1.0,
+            depth_trunc=8.0,
+        )
+
+    seconds = []
+    for k in evenly(capture, OPEN3D_PAIRS + 1)[:-1]:
+        a, b = image(k), image(k + 1)
+        started = time.perf_counter()
+        o3d.pipelines.odometry.compute_rgbd_odometry(b, a, camera, np.eye(4), hybrid, option)
+        seconds.append(time.perf_counter() - started)
+    return float(np.median(seconds)) * 1e3
+
+
+def build(capture: Path, folder: Path) -> dict[str, dict[str, Any]]:
+    """Reports of a fresh map, by stage; "map" is the whole."""
+    command = [sys.executable, "-P", "-m", "vnav.cli.main", "build-map", capture, "--map", folder]
+    subprocess.run(command, check=True, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    reports = folder / "reports"
+    return {s: json.loads((reports / f"{s}.json").read_text("utf-8")) for s in (*STAGES, "map")}
+
+
+def first_half(capture: Path, folder: Path) -> Path:
+    """The capture's first half as a TUM capture; its images stay where they are."""
+    pairs = open_capture(capture, CaptureConfig()).frames.pairs
+    folder.mkdir()
+    for name in ("color", "depth"):
+        images = [getattr(pair, name) for pair in pairs[: len(pairs) // 2]]
+        lines = [f"{image.stamp_s:.6f} {image.path.resolve()}" for image in images]
+        path = folder / f"{'rgb' if name == 'color' else name}.txt"
+        path.write_text("\n".join([*lines, ""]), "utf-8")
+    shutil.copy(capture / "camera.toml", folder)
+    return folder
+
+
+def report(path: Path, scratch: Path) -> bool:
+    """Measure one capture, print it, and tell whether all that is wanted is there."""
+    capture = open_capture(path, CaptureConfig())
+    count = len(capture)
+    images = [np.array(capture.read(k).color) for k in evenly(capture, SIFT_FRAMES)]
+    before = sift_ms(images)
+    whole = build(path, scratch / "whole")
+    half = build(first_half(path, scratch / "half_capture"), scratch / "half")
+    after = sift_ms(images)
+    default_ms, sift = ((a + b) / 2 for a, b in zip(before, after, strict=True))
+    load = " ".join(f"{value:.1f}" for value in os.getloadavg())
+    print(f"\n## {path.name}: {count} frames, {os.cpu_count()} cores, load {load}\n")
+    print("| | ms a frame | CPU ms a frame | / SIFT, vnav's | / SIFT, OpenCV's | wanted |")
+    print("|---|---|---|---|---|---|")
+
+    def row(name: str, wall_ms: float, cpu_ms: float | None = None) -> bool:
+        cpu = "" if cpu_ms is None else f"{cpu_ms:.1f}"
+        limit = WANTED.get(name)
+        wanted = "" if limit is None else f"at most {limit:g}"
+        print(
+            f"| {name} | {wall_ms:.1f} | {cpu} | {wall_ms / sift:.2f}"
+            f" | {wall_ms / default_ms:.2f} | {wanted} |"
+        )
+        return limit is None or wall_ms <= limit * sift
+
+    row("SIFT alone, OpenCV's settings", default_ms)
+    row("SIFT alone, vnav's settings", sift)
+    row(f"Open3D hybrid odometry, {OPEN3D_PAIRS} pairs", open3d_ms(capture))
+    good = True
+    for name in (*STAGES, "all but fuse", "all"):
+        of = {"all": STAGES, "all but fuse": [s for s in STAGES if s != "fuse"]}.get(name, [name])
+        wall, cpu = (
+            sum(whole[s][key] for s in of) / count * 1e3 for key in ("seconds", "cpu_seconds")
+        )
+        good &= row(name, wall, cpu)
+    memory_mb = whole["map"]["values"]["peak_memory_mb"]
+    doubling = whole["map"]["seconds"] / half["map"]["seconds"] * (count // 2) * 2 / count
+    print(f"\npeak memory {memory_mb} MB (wanted: less than {WANTED_MB})")
+    print(f"whole / first half, wall: {doubling:.2f} (wanted: at most {WANTED_DOUBLING:g})")
+    return good and memory_mb < WANTED_MB and doubling <= WANTED_DOUBLING
+
+
+def main() -> int:
+    good = True
+    for path in captures(sys.argv[1:]):
+        with tempfile.TemporaryDirectory() as scratch:
+            good &= report(path, Path(scratch))
+    return int(not good)
+
+
+if __name__ == "__main__":
+    sys.exit(main())
