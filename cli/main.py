@@ -23,6 +23,7 @@ COMMANDS = {
     "locate": "locate",
     "plan": "plan",
     "score": "score",
+    "evaluate": "evaluate",
     "check": "check",
     "info": "info",
     "export": "export",

@@ -44,6 +44,32 @@ def config_options(command: Command) -> Command:
     return command
 
 
+def batch_options(command: Command) -> Command:
+    """Add --jobs and --scheduler, which arrive as ``jobs`` (None: not given) and ``scheduler``."""
+    for option in (
+        click.option(
+            "--scheduler",
+            metavar="ADDRESS",
+            default="",
+            help="Send the work to a Dask cluster, like tcp://host:8786; needs vnav[cluster].",
+        ),
+        click.option(
+            "--jobs",
+            metavar="N",
+            type=click.IntRange(min=1),
+            help="How many to run at once, each in a process of its own.",
+        ),
+    ):
+        command = option(command)
+    return command
+
+
+def require_one_way(jobs: int | None, scheduler: str) -> None:
+    """UsageError where both ways of sharing the work are asked for."""
+    if jobs and scheduler:
+        raise click.UsageError("expected --jobs or --scheduler, found both")
+
+
 def console_progress() -> Progress:
     """Progress on stderr: one line that rewrites itself, or sparse lines into a file."""
     started = time.monotonic()

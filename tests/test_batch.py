@@ -13,6 +13,7 @@ from typing import Any
 import pytest
 
 from vnav import batch
+from vnav.core.report import Failed
 from vnav.errors import ConfigError
 
 # In a module of its own, which other processes can import by its name.
@@ -72,7 +73,7 @@ def cluster(work: ModuleType) -> Iterator[Any]:
 
 def results(
     work: ModuleType, names: Sequence[str], folder: Path, **how: Any
-) -> dict[str, str | batch.Failed]:
+) -> dict[str, str | Failed]:
     tasks = [work.Task(name, folder) for name in names]
     found = list(batch.run(work.shout, tasks, **how))
     assert sorted(k for k, _ in found) == list(range(len(tasks)))
@@ -93,7 +94,7 @@ def test_every_task_has_its_result_and_an_error_is_one(
     work: ModuleType, tmp_path: Path, how: dict[str, int]
 ) -> None:
     found = results(work, ["a", "refused", "b"], tmp_path, **how)
-    refusal = batch.Failed("expected better, found worse")
+    refusal = Failed("expected better, found worse")
     assert found == {"a": "A", "refused": refusal, "b": "B"}
 
 
@@ -120,7 +121,7 @@ def test_a_task_that_kills_its_process_again_and_again_fails_alone(
 ) -> None:
     found = results(work, ["killed", "a"], tmp_path, jobs=1)
     assert found["a"] == "A"
-    assert isinstance(failed := found["killed"], batch.Failed)
+    assert isinstance(failed := found["killed"], Failed)
     assert "ended 3 times, last by SIGKILL" in failed.reason
     assert (tmp_path / "tries").read_text().split() == ["killed"] * 3 + ["a"]
 
@@ -129,7 +130,7 @@ def test_a_bug_is_a_failure_with_its_traceback_and_looks_like_one_in_this_proces
     work: ModuleType, tmp_path: Path
 ) -> None:
     failed = results(work, ["bug"], tmp_path, jobs=1)["bug"]
-    assert isinstance(failed, batch.Failed)
+    assert isinstance(failed, Failed)
     assert failed.reason == "a bug: ZeroDivisionError: division by zero"
     assert "in shout" in failed.traceback
     with pytest.raises(ZeroDivisionError):

@@ -22,6 +22,7 @@ from typing import Any, Protocol, TypeVar
 
 from vnav import __version__
 from vnav.core.progress import Progress, silent
+from vnav.core.report import Failed
 from vnav.errors import ConfigError, VnavError
 
 ATTEMPTS = 3  # of a task whose process is killed
@@ -47,14 +48,6 @@ class Function(Protocol[TaskT, ResultT]):
 
     def __call__(self, task: TaskT, progress: Progress) -> ResultT:
         """The task's result; VnavError where there is none."""
-
-
-@dataclass(frozen=True)
-class Failed:
-    """A task without a result: ``reason`` in one line; ``traceback`` where it is a bug."""
-
-    reason: str
-    traceback: str = ""
 
 
 @dataclass(frozen=True)

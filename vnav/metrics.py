@@ -13,6 +13,9 @@ from vnav.core import se3
 
 Array = NDArray[np.float64]
 Pairs = NDArray[np.intp]
+Limit = tuple[float, float]  # metres, degrees
+NEAR: tuple[Limit, ...] = ((0.05, 5.0), (0.10, 3.0), (0.25, 10.0))
+WRONG: Limit = (0.30, 10.0)
 TOLERANCE = 0.1  # share of a distance or time by which a pair's may differ from the one asked
 
 
@@ -123,3 +126,33 @@ def relocalisation_error(
     """Distances in metres and angles in degrees (...) between poses (..., 4, 4) in one world."""
     off = se3.inverse(T_world_truth) @ np.asarray(T_world_camera, float)
     return np.linalg.norm(off[..., :3, 3], axis=-1), np.rad2deg(se3.rotation_angle(off))
+
+
+@dataclass(frozen=True)
+class Relocalisation:
+    """How well photos were found.
+
+    ``within``: shares of **all** photos that lie within each limit of NEAR; ``wrong``: located
+    beyond one of WRONG; medians of the located, NaN without one.
+    """
+
+    photos: int
+    located: int
+    within: tuple[float, ...]
+    wrong: int
+    median_m: float
+    median_deg: float
+
+    @classmethod
+    def of(cls, off_m: ArrayLike, off_deg: ArrayLike, photos: int) -> "Relocalisation":
+        """From the errors (N,) of the located ones of that many photos."""
+        m, deg = np.asarray(off_m, float), np.asarray(off_deg, float)
+        inside = [int(((m <= near_m) & (deg <= near_deg)).sum()) for near_m, near_deg in NEAR]
+        return cls(
+            photos,
+            len(m),
+            tuple(count / photos if photos else np.nan for count in inside),
+            int(((m > WRONG[0]) | (deg > WRONG[1])).sum()),
+            float(np.median(m)) if len(m) else np.nan,
+            float(np.median(deg)) if len(m) else np.nan,
+        )

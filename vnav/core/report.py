@@ -1,4 +1,4 @@
-"""What a stage tells when it is done."""
+"""What a stage tells when it is done, and a task that has no result."""
 
 from dataclasses import asdict, dataclass, field
 from typing import Any
@@ -23,3 +23,11 @@ class Report:
     def as_dict(self) -> dict[str, Any]:
         """Plain values for JSON."""
         return asdict(self)
+
+
+@dataclass(frozen=True)
+class Failed:
+    """A task without a result: ``reason`` in one line; ``traceback`` where it is a bug."""
+
+    reason: str
+    traceback: str = ""

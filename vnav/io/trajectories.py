@@ -1,9 +1,11 @@
 """Trajectory files: TUM (read, written) and KITTI (written)."""
 
 import itertools
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from vnav.core import se3
 from vnav.core.trajectory import Trajectory
@@ -21,13 +23,29 @@ def read_tum(path: Path) -> Trajectory:
     TrajectoryError names the line that has no eight finite numbers or no unit quaternion, and a
     time that occurs twice.
     """
-    rows = sorted(_values(path, number, line) for number, line in _lines(path))
+    rows = sorted(
+        _values(path, number, line, line.replace(",", " ").split(), "stamp")
+        for number, line in _lines(path)
+    )
     for before, row in itertools.pairwise(rows):
         if row[0] == before[0]:
             raise TrajectoryError(f"expected one pose a time in {path}, found two at {row[0]!r}")
     values = np.array(rows).reshape(-1, 8)
     R_world_camera = se3.rotation_from_quat(values[:, 4:])
     return Trajectory(values[:, 0], se3.make(R_world_camera, values[:, 1:4]))
+
+
+def read_photo_poses(path: Path) -> dict[str, NDArray[np.float64]]:
+    """Pose (4, 4), camera to world, of each photo from lines ``filename tx ty tz qx qy qz qw``.
+
+    Otherwise as `read_tum`.
+    """
+    poses = {}
+    for number, line in _lines(path):
+        name, *words = line.replace(",", " ").split()
+        values = _values(path, number, line, ["0", *words], "filename")
+        poses[name] = se3.make(se3.rotation_from_quat(values[4:]), values[1:4])
+    return poses
 
 
 def write_tum(path: Path, trajectory: Trajectory) -> None:
@@ -57,14 +75,14 @@ def _lines(path: Path) -> list[tuple[int, str]]:
     return [(number, line) for number, line in numbered if line and not line.startswith("#")]
 
 
-def _values(path: Path, number: int, line: str) -> list[float]:
+def _values(path: Path, number: int, line: str, words: Sequence[str], first: str) -> list[float]:
     try:
-        values = [float(word) for word in line.replace(",", " ").split()]
+        values = [float(word) for word in words]
     except ValueError:
         values = []
     if len(values) != 8 or not np.isfinite(values).all():
         raise TrajectoryError(
-            f"expected 'stamp tx ty tz qx qy qz qw' in {path}, line {number}, found '{line}'"
+            f"expected '{first} tx ty tz qx qy qz qw' in {path}, line {number}, found '{line}'"
         )
     length = float(np.linalg.norm(values[4:]))
     if abs(length - 1) > _UNIT:

@@ -16,7 +16,7 @@ from vnav.core.report import Report
 from vnav.io.capture import open_capture
 from vnav.io.grid_files import read_grid
 from vnav.io.map_folder import MapFolder
-from vnav.io.trajectories import read_tum
+from vnav.io.trajectories import read_photo_poses, read_tum
 from vnav.planning.planner import Plan
 from vnav.stages import overlay, plan, plan_picture, report
 from vnav.stages.answer import Answer
@@ -25,6 +25,7 @@ from vnav.stages.locate import Locator, locate, remember
 from vnav.stages.score import Score, score
 from vnav.synthetic.capture import DEMO, CaptureSpec, cached_capture
 
+TRUTH = "photos/groundtruth.txt"
 STEP_M = 0.01  # along a path, where its clearance is measured
 Array = NDArray[np.float64]
 
@@ -67,7 +68,7 @@ def run(
     locator = Locator(folder, config)
     files = sorted((capture / "photos").glob("*.jpg"))
     photos = [a for a in locate(locator, files, progress=progress) if isinstance(a, Answer)]
-    ends = _farthest_apart(photos, _true_poses(capture))
+    ends = _farthest_apart(photos, read_photo_poses(capture / TRUTH))
     remember(folder, ends[0])
     overlay.draw(ends[0], locator.atlas, out / "photo.jpg")
 
@@ -84,7 +85,7 @@ def truth(demo: Demo) -> list[str]:
     scored = score(read_tum(trajectory), read_tum(demo.capture / "groundtruth.txt"), 0.02)
     return [
         _about_map(scored),
-        _about_photos(demo.photos, _true_poses(demo.capture), scored.ate.T_truth_world),
+        _about_photos(demo, scored.ate.T_truth_world),
         _about_path(demo, scored.ate.T_truth_world),
     ]
 
@@ -112,11 +113,12 @@ def _about_map(scored: Score) -> str:
     )
 
 
-def _about_photos(photos: list[Answer], true_poses: dict[str, Array], T_truth_world: Array) -> str:
-    found = [answer for answer in photos if answer.best is not None]
-    line = f"photos  {len(found)} of {len(photos)} located"
+def _about_photos(demo: Demo, T_truth_world: Array) -> str:
+    found = [answer for answer in demo.photos if answer.best is not None]
+    line = f"photos  {len(found)} of {len(demo.photos)} located"
     if not found:
         return line
+    true_poses = read_photo_poses(demo.capture / TRUTH)
     off_m, off_deg = metrics.relocalisation_error(
         [T_truth_world @ a.best.view.T_world_camera for a in found if a.best],
         [true_poses[a.path.name] for a in found],
@@ -148,12 +150,3 @@ def _farthest_apart(photos: list[Answer], true_poses: dict[str, Array]) -> tuple
     apart = np.linalg.norm(positions[:, None] - positions, axis=-1)
     i, j = np.unravel_index(int(apart.argmax()), apart.shape)
     return photos[i], photos[j]
-
-
-def _true_poses(capture: Path) -> dict[str, Array]:
-    """Each photo's name and its true T_world_camera."""
-    lines = (capture / "photos" / "groundtruth.txt").read_text("utf-8").splitlines()[1:]
-    rows = [line.split() for line in lines]
-    values = np.array([row[1:] for row in rows], float)
-    poses = se3.make(se3.rotation_from_quat(values[:, 3:]), values[:, :3])
-    return dict(zip((row[0] for row in rows), poses, strict=True))

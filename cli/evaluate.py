@@ -1,0 +1,89 @@
+"""Evaluate many sequences: maps, trajectories, photos, against the truth and beside peers."""
+
+from pathlib import Path
+
+import click
+
+from vnav.cli.options import batch_options, config_options, console_progress, require_one_way
+
+
+@click.command()
+@click.argument("suite_source", metavar="SUITE")
+@click.option(
+    "--seeds",
+    metavar="N",
+    type=click.IntRange(min=1),
+    default=1,
+    show_default=True,
+    help="How many runs of each sequence; they differ by the seed.",
+)
+@batch_options
+@click.option("--resume", is_flag=True, help="Keep the runs in --out that are what is asked for.")
+@click.option(
+    "--out",
+    type=click.Path(path_type=Path),
+    default=Path("evaluation"),
+    show_default=True,
+    help="Folder for results.csv, results.json, report.html and runs/ with the trajectories.",
+)
+@config_options
+def evaluate(
+    suite_source: str,
+    seeds: int,
+    jobs: int | None,
+    scheduler: str,
+    resume: bool,
+    out: Path,
+    config_source: str | None,
+    settings: tuple[str, ...],
+) -> int:
+    r"""Map every sequence of SUITE, score it against its truth, locate its photos.
+
+    SUITE is a file, or the name of a suite that ships with vnav; docs/evaluating.md describes it.
+    Every run is a row of the table, also one that failed, with its reason. --config and --set
+    change the settings of all sequences. One run at a time by default, each in a process of its
+    own.
+
+    Exit code 0: every run has a result; 1: at least one failed; the others are told all the same.
+
+    \b
+    vnav evaluate my_suite.toml
+    vnav evaluate tum_fr1 --seeds 5 --out results --resume
+    vnav evaluate my_suite.toml --jobs 2 --set features.max_features=1000
+    vnav evaluate tum_fr3 --scheduler tcp://10.0.0.1:8786
+    """
+    from vnav import batch
+    from vnav.core.report import Failed
+    from vnav.io.map_folder import write_text
+    from vnav.io.suite_file import read_suite
+    from vnav.stages import evaluate as stage
+    from vnav.stages import run_page, run_table, runs
+
+    require_one_way(jobs, scheduler)
+    suite = read_suite(suite_source)
+    tasks = stage.tasks(suite, seeds, config_source, settings)
+    outcomes = runs.finished_before(out, tasks) if resume else {}
+    if resume:
+        click.echo(f"{len(outcomes)} of {len(tasks)} runs are there already", err=True)
+    todo = [k for k in range(len(tasks)) if k not in outcomes]
+    results = batch.run(
+        stage.evaluate,
+        [tasks[k] for k in todo],
+        jobs=jobs or 1,
+        scheduler=scheduler,
+        progress=console_progress(),
+    )
+    for n, result in results:
+        outcome = runs.Outcome(tasks[todo[n]], result)
+        runs.save(out, outcome)
+        outcomes[todo[n]] = outcome
+        click.echo(f"{len(outcomes)} of {len(tasks)} runs: {outcome.summary}", err=True)
+
+    in_order = [outcomes[k] for k in range(len(tasks))]
+    with runs.writing(out):
+        write_text(out / "results.csv", run_table.as_csv(in_order))
+        write_text(out / "results.json", run_table.as_json(suite, in_order))
+        write_text(out / "report.html", run_page.page(suite, in_order))
+    for line in run_table.as_text(in_order):
+        click.echo(line)
+    return int(any(isinstance(outcome.result, Failed) for outcome in in_order))
