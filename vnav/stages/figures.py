@@ -16,11 +16,14 @@ Array = NDArray[np.float64]
 Extent = tuple[float, float, float, float]  # left, right, bottom, top in metres
 
 
-def map_figure(extent: Extent, title: str) -> tuple[Figure, Axes]:
-    """A figure in the map's proportions, axes in metres, with a scale bar."""
+def map_figure(extent: Extent, title: str, longest_in: float = 10.0) -> tuple[Figure, Axes]:
+    """A figure in the map's proportions, axes in metres, with a scale bar.
+
+    ``longest_in``: the longer side in inches; the smaller it is, the larger is the text beside it.
+    """
     width, height = extent[1] - extent[0], extent[3] - extent[2]
-    inches = 10 / max(width, height)
-    size = (max(width * inches, 5) + 0.8, max(height * inches, 2) + 1.3)
+    inches = longest_in / max(width, height)
+    size = (max(width * inches, longest_in / 2) + 0.8, max(height * inches, longest_in / 5) + 1.3)
     figure = Figure(size, dpi=150, layout="constrained")
     axes = figure.add_subplot(title=title, xlabel="x / m", ylabel="y / m", aspect="equal")
     axes.set(xlim=extent[:2], ylim=extent[2:])

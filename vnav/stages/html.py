@@ -12,6 +12,7 @@ table { border-collapse: collapse; width: 100% }
 th, td { text-align: left; padding: .25rem .75rem .25rem 0; vertical-align: top }
 th, tr + tr td { border-top: 1px solid #8884 }
 img { width: 100%; background: #fff; border-radius: 6px; margin: .5rem 0 }
+.beside { display: flex; gap: 1rem; align-items: start } .beside img { flex: 1; min-width: 0 }
 pre { overflow-x: auto; font-size: 13px }
 .tiles { display: flex; flex-wrap: wrap; gap: .75rem; margin: 1.5rem 0 }
 .tile { flex: 1 1 8rem; padding: .6rem .9rem; border-radius: 8px; background: #8882 }
@@ -45,10 +46,22 @@ def warning(name: str, text: str) -> str:
 
 
 def table(head: Iterable[str], rows: Iterable[Iterable[object]]) -> str:
-    """A table whose cells are HTML already."""
-    top = "".join(f"<th>{cell}</th>" for cell in head)
-    lines = ("<tr>" + "".join(f"<td>{cell}</td>" for cell in row) + "</tr>" for row in rows)
-    return f"<table>\n<tr>{top}</tr>\n" + "\n".join(lines) + "\n</table>"
+    """A table whose cells are HTML already; the last one of a short row is as wide as it takes."""
+    columns = list(head)
+    top = "".join(f"<th>{cell}</th>" for cell in columns)
+    lines = "\n".join(_row(list(row), len(columns)) for row in rows)
+    return f"<table>\n<tr>{top}</tr>\n{lines}\n</table>"
+
+
+def _row(cells: list[object], width: int) -> str:
+    *first, last = cells
+    span = f" colspan={width - len(first)}" if len(cells) < width else ""
+    return "<tr>" + "".join(f"<td>{cell}</td>" for cell in first) + f"<td{span}>{last}</td></tr>"
+
+
+def beside(*parts: str) -> str:
+    """Pictures side by side."""
+    return f'<div class="beside">{"".join(parts)}</div>'
 
 
 def details(name: str, text: str) -> str:

@@ -16,6 +16,7 @@ from vnav.stages.evaluate import Run
 from vnav.stages.figures import legend, map_figure
 
 MARGIN_M = 0.3
+WIDE_IN = 5.5  # two are shown side by side
 GAP = 3.5  # times the usual step: there poses are missing, and no line is drawn
 COLORS = colormaps["tab10"].colors  # type: ignore[attr-defined]
 TRUTH = "#263238"
@@ -45,7 +46,7 @@ def _trajectories(seeds: Sequence[int], runs: Sequence[Run], worlds: Sequence[Ar
         for T_first_world, run in zip(worlds, runs, strict=True)
     ]
     truth = se3.transform(se3.inverse(_T_truth_world(runs[0])), runs[0].truth.positions)
-    figure, axes = map_figure(_extent([*paths, truth]), "Trajectories, from above")
+    figure, axes = map_figure(_extent([*paths, truth]), "Trajectories, from above", WIDE_IN)
     entries = []
     if len(truth):
         axes.plot(*_broken(runs[0].truth.stamps_s, truth)[:, :2].T, color=TRUTH, lw=2.5, alpha=0.4)
@@ -60,7 +61,8 @@ def _trajectories(seeds: Sequence[int], runs: Sequence[Run], worlds: Sequence[Ar
 def _loops(run: Run) -> Figure:
     """Accepted closures of one run, drawn between the places they join."""
     path = run.trajectory.positions
-    figure, axes = map_figure(_extent([path]), f"Accepted loops ({len(run.closures_s)})")
+    title = f"Accepted loops ({len(run.closures_s)})"
+    figure, axes = map_figure(_extent([path]), title, WIDE_IN)
     axes.plot(*_broken(run.trajectory.stamps_s, path)[:, :2].T, color="#90a4ae", lw=1.2)
     ends = np.searchsorted(run.trajectory.stamps_s, run.closures_s - 1e-6)
     ends = ends.clip(0, len(path) - 1)
@@ -69,7 +71,7 @@ def _loops(run: Run) -> Figure:
 
 
 def _errors(seeds: Sequence[int], runs: Sequence[Run]) -> Figure:
-    figure = Figure((10, 3), dpi=110, layout="constrained")
+    figure = Figure((11, 3), layout="constrained")
     axes = figure.add_subplot(xlabel="time / s", ylabel="position error / cm")
     axes.spines[["top", "right"]].set_visible(False)
     start_s = min(run.trajectory.stamps_s[0] for run in runs)
@@ -120,5 +122,5 @@ def _colors(runs: Sequence[Run]) -> list[tuple[float, float, float]]:
 
 def _png(figure: Figure) -> bytes:
     file = io.BytesIO()
-    figure.savefig(file, format="png", bbox_inches="tight", dpi=110)
+    figure.savefig(file, format="png", bbox_inches="tight", dpi=130)
     return file.getvalue()
