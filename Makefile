@@ -14,6 +14,7 @@ LIBRARIES := libEGL.so.1 libGL.so.1 libX11.so.6 libidn2.so.0 libstdc++.so.6 libu
 PACKAGES := libegl1 libgl1 libx11-6 libidn2-0 libstdc++6 libudev1 libusb-1.0-0
 
 INSTALL := $(BIN)/pip install --quiet --disable-pip-version-check --config-settings editable_mode=strict
+CAPTURES := ../shared/captures/house ../shared/captures/redkitchen01
 SOURCES := find vnav cli configs datasets -type f ! -name '*.pyc'
 
 .PHONY: setup demo test check bench bench-real clean python system links
@@ -33,13 +34,19 @@ check: setup
 	cd $(VENV) && bin/mypy --strict --config-file ../pyproject.toml --cache-dir ../.mypy_cache -p vnav  # vnav.cli is in it
 
 bench: setup $(VENV)/bench
-	for script in benchmarks/*.py; do $(BIN)/python $$script || exit 1; done
+	$(BIN)/python benchmarks/astar.py
+	$(BIN)/python benchmarks/speed.py
 
+# Hours. The table at the end tells of runs that failed, too.
 bench-real: setup
 	$(BIN)/pytest tests/real
+	$(BIN)/python benchmarks/hard_versions.py $(CAPTURES) --out bench
+	-$(BIN)/vnav evaluate bench/hard.toml --out bench/hard
+	-$(BIN)/vnav evaluate bench/seeds.toml --seeds 5 --out bench/seeds
+	$(BIN)/python benchmarks/hard_table.py bench/hard bench/seeds
 
 clean:
-	rm -rf $(VENV) build dist demo *.egg-info .mypy_cache .pytest_cache .ruff_cache
+	rm -rf $(VENV) build dist demo bench *.egg-info .mypy_cache .pytest_cache .ruff_cache
 
 python:
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || \

@@ -2,16 +2,16 @@
 
     python benchmarks/hard_versions.py CAPTURE... --out DIR
 
-writes DIR/<capture>_<version>/ and DIR/suite.toml, which lists them for `vnav evaluate`. Images
-that are not changed are links to the capture's own; changed ones are written without loss. All that
-is random comes from a seed.
+writes DIR/<capture>_<version>/, and two suites for `vnav evaluate`: DIR/hard.toml lists all,
+DIR/seeds.toml the clean ones, to be run with several seeds. Images that are not changed are links
+to the capture's own; changed ones are written without loss. All that is random comes from a seed.
 """
 
 import argparse
 import dataclasses
 import os
 import shutil
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
@@ -262,14 +262,11 @@ def _pinhole(camera: Intrinsics) -> list[str]:
     return [*lines, f"distortion = {list(distortion)}"] if distortion else lines
 
 
-def write_suite(path: Path, captures: Sequence[str]) -> None:
-    """A suite of all versions of these captures, that lie beside it."""
-    lines = ['[suite]\nname = "Hard versions"', 'description = "Where others lose track"']
-    for capture in captures:
-        for version in VERSIONS:
-            lines.append(
-                f'\n[[sequence]]\nname = "{capture}/{version}"\ncapture = "{capture}_{version}"'
-            )
+def write_suite(path: Path, captures: list[str], versions: Iterable[str]) -> None:
+    """A suite of these versions of these captures, that lie beside it."""
+    lines = ["[suite]", f'description = "{", ".join(captures)}: where others lose track"']
+    for name in [(capture, version) for capture in captures for version in versions]:
+        lines += ["", "[[sequence]]", f'name = "{"/".join(name)}"', f'capture = "{"_".join(name)}"']
     path.write_text("\n".join([*lines, ""]), "utf-8")
 
 
@@ -288,7 +285,9 @@ def main() -> None:
                 version(source, draft)
                 draft.rename(folder)
             print(folder)
-    write_suite(asked.out / "suite.toml", [c.resolve().name for c in asked.captures])
+    names = [capture.resolve().name for capture in asked.captures]
+    write_suite(asked.out / "hard.toml", names, VERSIONS)
+    write_suite(asked.out / "seeds.toml", names, ["clean"])
 
 
 if __name__ == "__main__":

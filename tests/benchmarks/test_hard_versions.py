@@ -1,6 +1,5 @@
 """The hard versions are what they say: above all the rolled one, exactly."""
 
-import tomllib
 from collections.abc import Callable
 from pathlib import Path
 from types import ModuleType
@@ -183,10 +182,16 @@ def test_a_camera_file_says_what_the_camera_is(hard: ModuleType, tmp_path: Path)
         assert read_camera(tmp_path / "camera.toml") == camera
 
 
-def test_the_suite_lists_every_version_of_every_capture(hard: ModuleType, tmp_path: Path) -> None:
-    hard.write_suite(tmp_path / "suite.toml", ["house", "kitchen"])
-    rows = tomllib.loads((tmp_path / "suite.toml").read_text())["sequence"]
-    assert [r["name"] for r in rows] == [
-        f"{c}/{v}" for c in ("house", "kitchen") for v in hard.VERSIONS
-    ]
-    assert all(r["capture"] == r["name"].replace("/", "_") for r in rows)
+def test_the_suite_lists_versions_that_lie_beside_it(
+    hard: ModuleType, tiny_capture: Path, tmp_path: Path
+) -> None:
+    from vnav.io.suite_file import files_of, read_suite
+
+    source = hard.Source.open(tiny_capture)
+    for name in ("clean", "cut"):
+        hard.VERSIONS[name](source, tmp_path / f"room_{name}")
+    hard.write_suite(tmp_path / "suite.toml", ["room"], ["clean", "cut"])
+    suite = read_suite(str(tmp_path / "suite.toml"))
+    assert [entry.name for entry in suite.entries] == ["room/clean", "room/cut"]
+    found = [files_of(entry, suite.folder).capture for entry in suite.entries]
+    assert found == [tmp_path / "room_clean", tmp_path / "room_cut"]

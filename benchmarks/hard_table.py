@@ -1,0 +1,84 @@
+"""What `vnav evaluate` found on hard versions, held against the clean captures.
+
+    python benchmarks/hard_table.py RESULTS SEEDS
+
+RESULTS and SEEDS are the folders into which the suites hard.toml (all versions) and seeds.toml (the
+clean captures, several seeds) of hard_versions.py were evaluated. Exit code 1 where a usable frame
+has no pose, the ATE is more than twice the clean one, or a spread is too wide.
+"""
+
+import argparse
+import csv
+import sys
+from pathlib import Path
+from statistics import median
+
+UNUSABLE = {"black_first": 1}  # frames of which nothing can be asked
+TIMES_CLEAN, SPREAD = 2.0, 0.2
+DROPPED = "dropped_2_seed_"
+
+Row = dict[str, str]
+
+
+def rows_of(folder: Path) -> list[Row]:
+    """Lines of a results.csv, with capture and version apart."""
+    with (folder / "results.csv").open(newline="", encoding="utf-8") as file:
+        rows = list(csv.DictReader(file))
+    for row in rows:
+        row["capture"], _, row["version"] = row["sequence"].partition("/")
+    return rows
+
+
+def compare(rows: list[Row]) -> bool:
+    """Print a line for each version; whether all of them are as they should be."""
+    clean = {r["capture"]: float(r["ate_rmse_m"]) for r in rows if r["version"] == "clean"}
+    print("| version | posed | usable | ATE | / clean | | lost |\n|---|---|---|---|---|---|---|")
+    good = True
+    for row in rows:
+        if row["state"] != "ok":
+            print(f"| {row['sequence']} | | | | | failed | {row['reason']} |")
+            good = False
+            continue
+        usable = int(row["frames"]) - UNUSABLE.get(row["version"], 0)
+        ate_m = float(row["ate_rmse_m"] or "nan")
+        ratio = ate_m / clean[row["capture"]]
+        well = int(row["posed"]) >= usable and ratio <= TIMES_CLEAN
+        good &= well
+        print(
+            f"| {row['sequence']} | {row['posed']} | {usable} | {ate_m:.4f} m | {ratio:.2f}"
+            f" | {'' if well else 'missed'} | {row['lost']} |"
+        )
+    return good
+
+
+def spreads(rows: list[Row], what: str) -> bool:
+    """Print how far runs of one capture lie apart; whether none is too wide."""
+    good = True
+    for capture in dict.fromkeys(row["capture"] for row in rows):
+        ates_m = [float(r["ate_rmse_m"] or "nan") for r in rows if r["capture"] == capture]
+        middle = median(ates_m)
+        share = (max(ates_m) - min(ates_m)) / middle
+        good &= share <= SPREAD
+        print(
+            f"{capture}, {len(ates_m)} {what}: ATE {min(ates_m):.4f} to {max(ates_m):.4f} m,"
+            f" {share:.0%} of the median (wanted: at most {SPREAD:.0%})"
+        )
+    return good
+
+
+def main(arguments: list[str] | None = None) -> int:
+    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
+    parser.add_argument("results", type=Path)
+    parser.add_argument("seeds", type=Path)
+    asked = parser.parse_args(arguments)
+    rows = rows_of(asked.results)
+    good = compare(rows)
+    print()
+    dropped = [r for r in rows if r["version"].startswith(DROPPED) and r["state"] == "ok"]
+    good &= spreads(dropped, "runs without 2 % of the frames")
+    good &= spreads([r for r in rows_of(asked.seeds) if r["state"] == "ok"], "seeds")
+    return int(not good)
+
+
+if __name__ == "__main__":
+    sys.exit(main())
