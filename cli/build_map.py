@@ -1,11 +1,21 @@
-"""Make a map from a capture."""
+"""Make maps of captures."""
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
-from vnav.cli.options import config_options, console_progress, map_option
+from vnav.cli.options import (
+    batch_options,
+    config_options,
+    console_progress,
+    map_option,
+    require_one_way,
+)
 from vnav.cli.summary import show
+
+if TYPE_CHECKING:
+    from vnav.stages.build_map import Built
 
 capture_argument = click.argument("capture_dir", metavar="CAPTURE", type=click.Path(path_type=Path))
 camera_option = click.option(
@@ -17,36 +27,76 @@ camera_option = click.option(
 
 
 @click.command("build-map")
-@capture_argument
+@click.argument(
+    "captures", metavar="CAPTURE...", nargs=-1, required=True, type=click.Path(path_type=Path)
+)
 @map_option
+@click.option(
+    "--maps",
+    "maps_dir",
+    metavar="DIR",
+    type=click.Path(path_type=Path),
+    help="Folder for the maps of several captures; each is called as its capture.",
+)
 @config_options
 @camera_option
 @click.option("--fresh", is_flag=True, help="Delete the map that is there and start anew.")
 @click.option("--force", is_flag=True, help="Go on although the depth units look wrong.")
+@batch_options
 def build_map(
-    capture_dir: Path,
+    captures: tuple[Path, ...],
     map_dir: Path,
+    maps_dir: Path | None,
     config_source: str | None,
     settings: tuple[str, ...],
     camera_file: Path | None,
     fresh: bool,
     force: bool,
-) -> None:
-    """Make a map of the RGB-D frames in the folder CAPTURE.
+    jobs: int | None,
+    scheduler: str,
+) -> int:
+    """Make a map of the RGB-D frames in the folder CAPTURE; of several, one map each.
 
     Stages that are up to date are kept, so that an interrupted run goes on where it stopped.
-    """
-    from vnav import config
-    from vnav.io.capture import open_capture
-    from vnav.io.map_folder import MapFolder
-    from vnav.stages import build_map as chain
-    from vnav.stages.check import require_usable
 
-    resolved, progress = config.load(config_source, settings), console_progress()
-    capture = open_capture(capture_dir, resolved.capture, camera_file)
-    checked = require_usable(capture, force=force, progress=progress)
-    for warning in checked.warnings:
+    Exit code 1: a capture could not be mapped; the others are mapped all the same.
+
+    \b
+    vnav build-map my_capture --map my-map
+    vnav build-map monday tuesday --maps maps --jobs 2
+    """
+    from vnav import batch, config
+    from vnav.core.report import Failed
+    from vnav.stages import build_map as chain
+
+    require_one_way(jobs, scheduler)
+    if len(captures) > 1 and maps_dir is None:
+        raise click.UsageError("expected --maps DIR, where each of several captures gets its map")
+    resolved, camera = config.load(config_source, settings), camera_file and camera_file.absolute()
+    tasks: list[chain.Task] = []
+    for capture in captures:
+        folder = maps_dir / capture.resolve().name if maps_dir else map_dir
+        task = chain.Task(capture.absolute(), folder.absolute(), resolved, camera, fresh, force)
+        if folder.absolute() in (other.map_dir for other in tasks):
+            raise click.UsageError(f"expected captures of different names, found two {task.name}")
+        tasks.append(task)
+
+    failed = False
+    results = batch.run(
+        chain.build, tasks, jobs=jobs or 0, scheduler=scheduler, progress=console_progress()
+    )
+    for k, result in results:
+        if isinstance(result, Failed):
+            failed = True
+            name = f"{tasks[k].name}: " if len(tasks) > 1 else ""
+            click.echo(f"{result.traceback}vnav: {name}{result.reason}", err=True)
+        else:
+            _show(tasks[k].map_dir, result)
+    return int(failed)
+
+
+def _show(map_dir: Path, built: "Built") -> None:
+    for warning in built.warnings:
         click.echo(f"vnav: warning: {warning}", err=True)
-    folder = MapFolder.create(map_dir, fresh)
-    show(chain.build_map(folder, [capture], resolved, progress=progress))
+    show(built.reports)
     click.echo(f"map in {map_dir}, pictures in {map_dir / 'reports'}")

@@ -37,7 +37,7 @@ def evaluate(
     config_source: str | None,
     settings: tuple[str, ...],
 ) -> int:
-    r"""Map every sequence of SUITE, score it against its truth, locate its photos.
+    """Map every sequence of SUITE, score it against its truth, locate its photos.
 
     SUITE is a file, or the name of a suite that ships with vnav; docs/evaluating.md describes it.
     Every run is a row of the table, also one that failed, with its reason. --config and --set

@@ -3,10 +3,21 @@
 import json
 from collections.abc import Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
-from vnav.cli.options import config_options, console_progress, map_option
+from vnav.cli.options import (
+    batch_options,
+    config_options,
+    console_progress,
+    map_option,
+    require_one_way,
+)
+
+if TYPE_CHECKING:
+    from vnav.stages.answer import Answer, Unreadable
+    from vnav.stages.locate_many import Task
 
 CAMERA_HELP = (
     "Camera of the photos, a camera.toml, or 'auto' to estimate it. Without it: camera.toml beside"
@@ -26,6 +37,7 @@ CAMERA_HELP = (
     type=click.Path(path_type=Path),
     help="Draw the inliers into this file; for several photos a folder.",
 )
+@batch_options
 def locate(
     photos: tuple[Path, ...],
     map_dir: Path,
@@ -35,32 +47,43 @@ def locate(
     as_json: bool,
     csv_file: Path | None,
     overlay: Path | None,
+    jobs: int | None,
+    scheduler: str,
 ) -> int:
     """Find where PHOTOS, or the photos in folders, were taken.
 
     Exit code 0: located, all of them; 3: not located, the reason is given; 1: an error, or a photo
     that cannot be read. The pose of a single located photo becomes the map's current place, where
-    'vnav plan --from current' starts.
+    'vnav plan --from current' starts. Several photos keep all cores busy; --jobs and --scheduler
+    share out very many.
 
     \b
     vnav locate photo.jpg --map my-map
     vnav locate photo.jpg --camera camera.toml --json
     vnav locate photos/ --csv poses.csv --overlay drawn/
-    """  # noqa: D301 - click reads the backspace as "do not wrap"
+    vnav locate thousands/ --json --scheduler tcp://10.0.0.1:8786
+    """
     from vnav import config
     from vnav.io.map_folder import MapFolder
     from vnav.io.photos import AUTO, find_photos
     from vnav.stages import locate as stage
+    from vnav.stages import locate_many as many
     from vnav.stages import overlay as picture
     from vnav.stages.answer import Answer, Unreadable, summary, write_csv
 
-    folder = MapFolder.open(map_dir)
-    of_all = Path(camera) if camera not in (None, AUTO) else camera
-    locator = stage.Locator(folder, config.load(config_source, settings), of_all)
+    require_one_way(jobs, scheduler)
+    folder, resolved = MapFolder.open(map_dir), config.load(config_source, settings)
+    of_all = Path(camera).absolute() if camera not in (None, AUTO) else camera
+    locator = stage.Locator(folder, resolved, of_all)
     paths, alone = find_photos(photos), len(photos) == 1 and not photos[0].is_dir()
     answers: list[Answer | Unreadable] = []
     if alone:
         answers.append(locator.locate(paths[0]))
+    elif jobs or scheduler:
+        asked = [path.absolute() for path in paths] if scheduler else paths
+        shares = many.shares(asked, jobs or 0)
+        tasks = [many.Task(share, map_dir.absolute(), resolved, of_all) for share in shares]
+        answers += _shared_out(tasks, jobs or 0, scheduler)
     else:
         answers += stage.locate(locator, paths, progress=console_progress())
 
@@ -82,6 +105,24 @@ def locate(
     if alone and (problem := stage.remember(folder, answers[0])):
         click.echo(f"vnav: warning: {problem}", err=True)
     return _exit_code(answers)
+
+
+def _shared_out(tasks: "list[Task]", jobs: int, scheduler: str) -> "list[Answer | Unreadable]":
+    """Answers in the order of the photos, found in processes or on a cluster."""
+    from vnav import batch
+    from vnav.core.report import Failed
+    from vnav.stages.answer import Unreadable
+    from vnav.stages.locate_many import locate_photos
+
+    found: dict[int, list[Answer | Unreadable]] = {}
+    progress, count = console_progress(), sum(len(task.photos) for task in tasks)
+    for k, result in batch.run(locate_photos, tasks, jobs=jobs, scheduler=scheduler):
+        if isinstance(result, Failed):
+            click.echo(result.traceback, err=True, nl=False)
+            result = [Unreadable(path, result.reason) for path in tasks[k].photos]
+        found[k] = result
+        progress("locate", sum(map(len, found.values())), count)
+    return [answer for k in range(len(tasks)) for answer in found[k]]
 
 
 def _exit_code(answers: Sequence[object]) -> int:

@@ -57,7 +57,7 @@ def plan(
     csv_file: Path | None,
     png_file: Path | None,
 ) -> int:
-    r"""Plan a path that a robot can follow, from one place in a map to another.
+    """Plan a path that a robot can follow, from one place in a map to another.
 
     Exit code 0: found; 3: there is none, or a photo was not located, and the reason is given.
 

@@ -1,14 +1,51 @@
 """From captures to a finished map: claim 3, every stage in its turn."""
 
 from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
 
 from vnav.config import Config
 from vnav.core.progress import Progress, silent
 from vnav.core.report import Report
 from vnav.errors import MapError
-from vnav.io.capture import Capture
+from vnav.io.capture import Capture, open_capture
 from vnav.io.map_folder import STAGES, MapFolder
+from vnav.stages.check import require_usable
 from vnav.stages.common import clock, finished, peak_memory_mb
+
+
+@dataclass(frozen=True)
+class Task:
+    """A capture and the map to make of it; for the rest see `vnav build-map`."""
+
+    capture: Path
+    map_dir: Path
+    config: Config
+    camera: Path | None = None
+    fresh: bool = False
+    force: bool = False
+
+    @property
+    def name(self) -> str:
+        """Name of the capture's folder."""
+        return self.capture.resolve().name
+
+
+@dataclass(frozen=True)
+class Built:
+    """A finished map: what is doubtful about its capture, and the reports of its stages."""
+
+    warnings: tuple[str, ...]
+    reports: list[Report]
+
+
+def build(task: Task, progress: Progress = silent) -> Built:
+    """Make the map of one capture; VnavError where there is none to be made."""
+    capture = open_capture(task.capture, task.config.capture, task.camera)
+    checked = require_usable(capture, force=task.force, progress=progress)
+    folder = MapFolder.create(task.map_dir, task.fresh)
+    reports = build_map(folder, [capture], task.config, progress=progress)
+    return Built(checked.warnings, reports)
 
 
 def build_map(
