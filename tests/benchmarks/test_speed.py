@@ -1,3 +1,5 @@
+import os
+import time
 from collections.abc import Callable
 from pathlib import Path
 from types import ModuleType
@@ -29,5 +31,16 @@ def test_what_is_asked_for_is_measured(speed: ModuleType) -> None:
 
 def test_a_call_on_all_cores_is_timed_without_its_first_calls(speed: ModuleType) -> None:
     seen: list[int] = []
-    assert speed.ms_a_frame(lambda image: seen.append(len(image)), [np.zeros(3)] * 20) < 1000
+
+    def sleep(image: np.ndarray) -> None:
+        time.sleep(0.02)
+        seen.append(len(image))
+
+    wall_ms, cpu_ms = speed.ms_a_frame(sleep, [np.zeros(3)] * 20)
     assert len(seen) == 28
+    assert wall_ms * (os.cpu_count() or 1) > 19 > cpu_ms
+
+
+def test_times_of_stages_are_added_up(speed: ModuleType) -> None:
+    reports = {"a": {"seconds": 1.0, "cpu_seconds": 2.0}, "b": {"seconds": 3.0, "cpu_seconds": 4.0}}
+    assert speed.stage_ms(reports, ["a", "b"], 100).tolist() == [40.0, 60.0]
