@@ -51,24 +51,11 @@ def shout(task, progress):
 
 
 @pytest.fixture(scope="module")
-def work(tmp_path_factory: pytest.TempPathFactory) -> Iterator[ModuleType]:
-    folder = tmp_path_factory.mktemp("modules")
-    (folder / "shouting.py").write_text(WORK)
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("PYTHONPATH", str(folder))
-        patch.syspath_prepend(folder)
-        import shouting  # type: ignore[import-not-found]
+def work(importable: Path) -> ModuleType:
+    (importable / "shouting.py").write_text(WORK)
+    import shouting  # type: ignore[import-not-found]
 
-        yield shouting
-
-
-@pytest.fixture(scope="module")
-def cluster(work: ModuleType) -> Iterator[Any]:
-    """Two workers of one thread each; started late enough to find the module."""
-    distributed = pytest.importorskip("distributed")
-    options: dict[str, Any] = {"threads_per_worker": 1, "dashboard_address": None}
-    with distributed.LocalCluster(n_workers=2, silence_logs=50, **options) as cluster:
-        yield cluster
+    return shouting
 
 
 def results(
