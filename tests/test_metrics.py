@@ -199,3 +199,20 @@ def _assert_same(ours: metrics.Statistics, theirs: Any) -> None:
 
 def _at(positions: Any) -> Array:
     return se3.make(np.eye(3), np.array(positions, float))
+
+
+def test_relocalisation_counts_shares_of_all_photos_and_wrong_answers() -> None:
+    off_m, off_deg = [0.01, 0.08, 0.04, 0.2, 0.31, 0.02], [1.0, 1.0, 4.0, 9.0, 1.0, 11.0]
+    found = metrics.Relocalisation.of(off_m, off_deg, photos=10)
+    assert (found.photos, found.located, found.wrong) == (10, 6, 2)
+    # 5 cm, 5 deg: the first and third; 10 cm, 3 deg: the first two; 25 cm, 10 deg: the first four
+    assert found.within == (0.2, 0.2, 0.4)
+    assert found.median_m == pytest.approx(0.06)
+    assert found.median_deg == pytest.approx(2.5)
+
+
+def test_relocalisation_of_photos_of_which_none_is_located_has_no_median() -> None:
+    found = metrics.Relocalisation.of([], [], photos=3)
+    assert found.within == (0.0, 0.0, 0.0)
+    assert found.wrong == 0
+    assert np.isnan(found.median_m)

@@ -6,7 +6,7 @@ import pytest
 from vnav.core import se3
 from vnav.core.trajectory import Trajectory
 from vnav.errors import TrajectoryError
-from vnav.io.trajectories import read_tum, write_kitti, write_tum
+from vnav.io.trajectories import read_photo_poses, read_tum, write_kitti, write_tum
 
 
 def some_trajectory(count: int = 50) -> Trajectory:
@@ -94,3 +94,17 @@ def test_evo_reads_what_is_written(tmp_path: Path) -> None:
     np.testing.assert_allclose(tum.poses_se3, trajectory.T_world_camera, atol=1e-9)
     kitti = evo.read_kitti_poses_file(str(tmp_path / "a.kitti"))
     np.testing.assert_allclose(kitti.poses_se3, trajectory.T_world_camera, atol=1e-9)
+
+
+def test_poses_of_photos_are_read_by_name(tmp_path: Path) -> None:
+    (tmp_path / "a.txt").write_text("# name pose\nb.jpg 1 2 3 0 0 0 1\na.jpg\t4 5 6 1 0 0 0\n")
+    poses = read_photo_poses(tmp_path / "a.txt")
+    assert list(poses) == ["b.jpg", "a.jpg"]
+    np.testing.assert_array_equal(poses["a.jpg"][:3, 3], [4, 5, 6])
+    np.testing.assert_allclose(poses["a.jpg"][:3, :3], np.diag([1, -1, -1]))
+
+
+def test_a_photo_without_a_whole_pose_is_named_with_its_line(tmp_path: Path) -> None:
+    (tmp_path / "a.txt").write_text("a.jpg 1 2 3 0 0 0 1\nb.jpg 1 2 3\n")
+    with pytest.raises(TrajectoryError, match="expected 'filename tx .*, line 2, found 'b.jpg 1"):
+        read_photo_poses(tmp_path / "a.txt")
