@@ -1,0 +1,62 @@
+"""build-map of one capture and of several, as a user calls it."""
+
+import shutil
+from pathlib import Path
+
+import pytest
+from click.testing import CliRunner, Result
+
+from vnav.cli.main import cli
+from vnav.io.map_folder import MapFolder
+
+SAME = ("--set", "features.max_features=700")  # as whole_map was made
+
+
+def run(*arguments: object) -> Result:
+    return CliRunner().invoke(
+        cli,
+        ["build-map", *(str(a) for a in arguments)],
+        standalone_mode=False,
+        catch_exceptions=False,
+    )
+
+
+@pytest.fixture
+def maps(tmp_path: Path, whole_map: Path) -> Path:
+    """A folder of maps; that of the tiny capture is there, and up to date."""
+    shutil.copytree(whole_map, tmp_path / "maps" / "miniature")
+    return tmp_path / "maps"
+
+
+@pytest.mark.parametrize("how", [(), ("--jobs", 2)])
+def test_each_capture_gets_its_map_and_a_failed_one_is_named(
+    tiny_capture: Path, maps: Path, tmp_path: Path, how: tuple[object, ...]
+) -> None:
+    (tmp_path / "empty").mkdir()
+    result = run(tiny_capture, tmp_path / "empty", "--maps", maps, *SAME, *how)
+    assert result.return_value == 1
+    assert f"map in {maps / 'miniature'}" in result.stdout
+    assert "odometry    60 of 60 frames tracked" in result.stdout
+    last = [line for line in result.stderr.splitlines() if line.startswith("vnav: ")]
+    assert len(last) == 1
+    assert last[0].startswith("vnav: empty: expected a capture in")
+    assert MapFolder.open(maps / "miniature").has("index")
+    assert not (maps / "empty").exists()
+
+
+def test_one_capture_gets_the_map_that_is_named(tiny_capture: Path, maps: Path) -> None:
+    result = run(tiny_capture, "--map", maps / "miniature", *SAME)
+    assert result.return_value == 0
+    assert "(up to date)" in result.stdout
+
+
+@pytest.mark.parametrize("options", [[], ["--maps", "maps"]])
+def test_several_captures_of_one_name_or_for_one_map_are_a_usage_error(
+    options: list[str], tmp_path: Path
+) -> None:
+    for name in ("monday", "tuesday"):
+        (tmp_path / name / "capture").mkdir(parents=True)
+    captures = [str(tmp_path / name / "capture") for name in ("monday", "tuesday")]
+    result = CliRunner().invoke(cli, ["build-map", *captures, *options])
+    assert result.exit_code == 2
+    assert ("--maps DIR" if not options else "found two capture") in result.output
