@@ -1,7 +1,7 @@
 """Every command line that README and docs show is run, and every link leads somewhere.
 
 A ``console`` block's lines that begin with "$ " are run in order, a document in one folder, where
-my_capture, photo.jpg and goal.jpg lie; each must exit with 0. ``sh`` blocks need a network, or
+my_capture, photo.jpg, goal.jpg and my_suite.toml lie; each must exit with 0. ``sh`` blocks need a network, or
 minutes, and are not run.
 """
 
@@ -16,6 +16,13 @@ import pytest
 
 ROOT = Path(__file__).parent.parent
 DOCUMENTS = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
+
+SUITE = """
+[[sequence]]
+name = "mine"
+capture = "my_capture"
+settings.features.max_features = 300
+"""
 
 
 def commands(document: Path) -> list[str]:
@@ -32,6 +39,7 @@ def test_the_commands_of_a_document_run(document: Path, tiny_capture: Path, tmp_
     for name, photo in zip(("photo.jpg", "goal.jpg"), photos, strict=False):
         shutil.copy(photo, tmp_path / name)
     shutil.copy(tiny_capture / "photos" / "camera.toml", tmp_path)
+    (tmp_path / "my_suite.toml").write_text(SUITE)
     path = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
     for command in commands(document):
         done = subprocess.run(
