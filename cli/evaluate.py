@@ -57,7 +57,7 @@ def evaluate(
     from vnav.io.map_folder import write_text
     from vnav.io.suite_file import read_suite
     from vnav.stages import evaluate as stage
-    from vnav.stages import run_page, run_table, runs
+    from vnav.stages import run_files, run_page, runs
 
     require_one_way(jobs, scheduler)
     suite = read_suite(suite_source)
@@ -81,9 +81,9 @@ def evaluate(
 
     in_order = [outcomes[k] for k in range(len(tasks))]
     with runs.writing(out):
-        write_text(out / "results.csv", run_table.as_csv(in_order))
-        write_text(out / "results.json", run_table.as_json(suite, in_order))
+        write_text(out / "results.csv", run_files.as_csv(in_order))
+        write_text(out / "results.json", run_files.as_json(suite, in_order))
         write_text(out / "report.html", run_page.page(suite, in_order))
-    for line in run_table.as_text(in_order):
+    for line in run_files.as_text(in_order):
         click.echo(line)
     return int(any(isinstance(outcome.result, Failed) for outcome in in_order))

@@ -13,6 +13,7 @@ from typing import Any
 import pytest
 
 from vnav import batch
+from vnav.batch import cluster as cluster_module
 from vnav.core.report import Failed
 from vnav.errors import ConfigError
 
@@ -195,7 +196,7 @@ def kill_one_when_both_work(cluster: Any, folder: Path, found: Iterator[Any]) ->
 def test_a_scheduler_that_is_not_there_is_told(
     work: ModuleType, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(batch, "PATIENCE_S", 0.5)
+    monkeypatch.setattr(cluster_module, "PATIENCE_S", 0.5)
     with pytest.raises(ConfigError, match=r"scheduler with workers at tcp://127\.0\.0\.1:1, found"):
         results(work, ["a"], tmp_path, scheduler="tcp://127.0.0.1:1")
 
@@ -203,6 +204,6 @@ def test_a_scheduler_that_is_not_there_is_told(
 def test_workers_of_another_version_are_refused(
     work: ModuleType, cluster: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(batch, "__version__", "99")
+    monkeypatch.setattr(cluster_module, "__version__", "99")
     with pytest.raises(ConfigError, match="expected vnav 99 on every worker, found 0"):
         results(work, ["a"], tmp_path, scheduler=cluster.scheduler_address)

@@ -14,7 +14,7 @@ from vnav.core.report import Failed
 from vnav.core.trajectory import Trajectory
 from vnav.io.map_folder import STAGES
 from vnav.io.suite_file import Entry, Peer, Suite
-from vnav.stages import run_page, run_table, runs
+from vnav.stages import run_files, run_page, run_table, runs
 from vnav.stages.evaluate import Run, Task
 from vnav.stages.runs import Outcome
 from vnav.stages.score import score
@@ -70,7 +70,7 @@ def test_a_sequence_is_summed_up_over_its_seeds(three_seeds: list[Outcome]) -> N
 
 
 def test_the_text_tells_the_median_of_several_seeds(three_seeds: list[Outcome]) -> None:
-    lines = run_table.as_text(three_seeds)
+    lines = run_files.as_text(three_seeds)
     assert len(lines) == 5
     assert "median ATE 0.0200 m of 3 runs, 0.0100 to 0.0400" in lines[-1]
 
@@ -83,11 +83,11 @@ def test_times_are_a_frame(three_seeds: list[Outcome]) -> None:
 def test_a_run_without_truth_has_all_but_errors() -> None:
     row = run_table.row(outcome("a", 0, 0.01, with_truth=False))
     assert (row["state"], row["posed_share"], row["ate_rmse_m"]) == ("ok", 0.8, None)
-    assert "-" in run_table.as_text([outcome("a", 0, 0.01, with_truth=False)])[1].split()
+    assert "-" in run_files.as_text([outcome("a", 0, 0.01, with_truth=False)])[1].split()
 
 
 def test_the_csv_is_a_table_also_where_the_first_run_failed() -> None:
-    text = run_table.as_csv([outcome("a", 0, None), outcome("b", 0, 0.01)])
+    text = run_files.as_csv([outcome("a", 0, None), outcome("b", 0, 0.01)])
     failed, good = csv.DictReader(io.StringIO(text))
     assert (failed["reason"], failed["frames"], good["frames"]) == ("no luck", "", "50")
     assert good["lost"] == "40-49: too <dark>"
@@ -95,7 +95,7 @@ def test_the_csv_is_a_table_also_where_the_first_run_failed() -> None:
 
 def test_the_json_has_no_numbers_that_are_none(three_seeds: list[Outcome]) -> None:
     suite = Suite("S", "", Path("/suite"), (three_seeds[0].task.entry,))
-    text = run_table.as_json(suite, [*three_seeds, outcome("b", 0, 0.0, with_truth=False)])
+    text = run_files.as_json(suite, [*three_seeds, outcome("b", 0, 0.0, with_truth=False)])
     assert json.loads(text)["sequences"][1]["median_ate_rmse_m"] is None
 
 
