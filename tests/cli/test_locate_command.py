@@ -12,17 +12,16 @@ import pytest
 from click.testing import CliRunner, Result
 
 from vnav.cli.main import cli
-from vnav.config import Config
 from vnav.errors import CameraError, MapError, PhotoError
 from vnav.io.map_folder import MapFolder
-from vnav.stages import index
+from vnav.stages.locate_many import shares
 
 
 @pytest.fixture(scope="module")
-def indexed(tmp_path_factory: pytest.TempPathFactory, tiny_map: Path) -> Path:
+def indexed(tmp_path_factory: pytest.TempPathFactory, whole_map: Path) -> Path:
+    """A map of its own, as questions are remembered in it."""
     root = tmp_path_factory.mktemp("maps") / "map"
-    shutil.copytree(tiny_map, root)
-    index.run(MapFolder(root), Config())
+    shutil.copytree(whole_map, root)
     return root
 
 
@@ -107,6 +106,36 @@ def test_csv_and_overlays_are_written(indexed: Path, photos: Path, tmp_path: Pat
     names = sorted(path.name for path in photos.glob("*.jpg"))
     assert len(table.read_text().splitlines()) == 1 + len(names)
     assert sorted(path.name for path in drawn.iterdir()) == names
+
+
+def test_photos_shared_out_among_processes_have_the_same_answers(
+    indexed: Path, photos: Path, tmp_path: Path
+) -> None:
+    broken = tmp_path / "broken.jpg"
+    broken.write_text("none")
+
+    def answers(*options: object) -> list[dict[str, object]]:
+        result = run(photos, broken, "--map", indexed, "--json", *options)
+        assert result.return_value == 1
+        return [{**value, "seconds": None} for value in json.loads(result.stdout)]
+
+    assert answers("--jobs", 2) == answers()
+
+
+def test_an_error_of_a_process_is_that_of_its_photos(indexed: Path, photos: Path) -> None:
+    result = run(photos, "--map", indexed, "--jobs", 2, "--camera", "nowhere.toml")
+    assert result.return_value == 1
+    lines = result.stdout.splitlines()
+    assert len(lines) == len(list(photos.glob("*.jpg")))
+    assert all("unreadable: expected a camera file at" in line for line in lines)
+
+
+def test_photos_are_shared_out_evenly_and_in_order() -> None:
+    photos = [Path(str(k)) for k in range(40)]
+    for jobs, sizes in {0: [16, 16, 8], 2: [16, 16, 8], 8: [5] * 8, 100: [1] * 40}.items():
+        found = shares(photos, jobs)
+        assert [len(share) for share in found] == sizes
+        assert [photo for share in found for photo in share] == photos
 
 
 def test_an_unknown_camera_is_estimated(indexed: Path, photos: Path) -> None:

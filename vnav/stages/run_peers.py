@@ -27,7 +27,7 @@ def table(found: Sequence[Summary]) -> str:
         "<h2>Beside published figures</h2>\n"
         + html.table(head, rows)
         + "<p>ATE RMSE in metres; of vnav the median of its runs, and the smallest to the largest."
-        " Peers' figures were not measured here, but published by:</p>" + f"<ol>{listed}</ol>"
+        " Peers' figures are not measured here; their sources:</p>" + f"<ol>{listed}</ol>"
     )
 
 
