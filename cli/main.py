@@ -67,7 +67,7 @@ def main() -> int:
         error.show()
         return error.exit_code
     except click.Abort:
-        click.echo("vnav: interrupted; finished stages are kept", err=True)
+        click.echo("vnav: interrupted; what was finished is kept", err=True)
         return 130
     return result if isinstance(result, int) else 0
 

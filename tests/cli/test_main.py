@@ -51,7 +51,7 @@ def test_an_interrupted_run_says_that_finished_stages_are_kept(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert run(monkeypatch, KeyboardInterrupt()) == 130
-    assert "finished stages are kept" in capsys.readouterr().err
+    assert "what was finished is kept" in capsys.readouterr().err
 
 
 def test_wrong_usage_exits_with_2(

@@ -119,9 +119,10 @@ def test_a_suite_that_is_not_there_names_those_that_ship() -> None:
 
 
 @pytest.mark.parametrize("name", shipped_suites())
-def test_a_suite_that_ships_can_be_read_and_its_presets_exist(name: str) -> None:
+def test_a_suite_that_ships_can_be_read_and_its_presets_exist(name: str, folder: Path) -> None:
     suite = read_suite(name)
     assert [suite.config_of(entry) for entry in suite.entries]
+    assert suite.folder == folder.parent / "fetched"
 
 
 def test_a_capture_beside_the_suite_comes_before_a_fetched_one(folder: Path) -> None:

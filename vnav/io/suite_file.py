@@ -51,7 +51,7 @@ class Entry:
 
 @dataclass(frozen=True)
 class Suite:
-    """A list of sequences; ``folder``: where its file lies."""
+    """A list of sequences; ``folder``: where relative paths begin."""
 
     name: str
     description: str
@@ -93,12 +93,11 @@ def read_suite(source: str) -> Suite:
     if not isinstance(rows, list) or not rows:
         raise ConfigError(f"expected [[sequence]] in {path}, found none")
     entries = tuple(_sequence(row, n, path) for n, row in enumerate(rows, 1))
-    for entry in entries:
-        if sum(entry.name == other.name for other in entries) > 1:
-            raise ConfigError(
-                f"expected one sequence of a name in {path}, found two '{entry.name}'"
-            )
-    return Suite(head.name or path.stem, head.description, path.parent.absolute(), entries)
+    names = [entry.name for entry in entries]
+    for name in names:
+        if names.count(name) > 1:
+            raise ConfigError(f"expected one sequence of a name in {path}, found two '{name}'")
+    return Suite(head.name or path.stem, head.description, folder, entries)
 
 
 def shipped_suites() -> list[str]:
