@@ -62,6 +62,7 @@ def evaluate(
     require_one_way(jobs, scheduler)
     suite = read_suite(suite_source)
     tasks = stage.tasks(suite, seeds, config_source, settings)
+    runs.prepare(out)
     outcomes = runs.finished_before(out, tasks) if resume else {}
     if resume:
         click.echo(f"{len(outcomes)} of {len(tasks)} runs are there already", err=True)
@@ -86,4 +87,5 @@ def evaluate(
         write_text(out / "report.html", run_page.page(suite, in_order))
     for line in run_files.as_text(in_order):
         click.echo(line)
+    click.echo(f"report in {out / 'report.html'}", err=True)
     return int(any(isinstance(outcome.result, Failed) for outcome in in_order))

@@ -16,7 +16,7 @@ import pytest
 from click.testing import CliRunner, Result
 
 from vnav.cli.main import cli
-from vnav.errors import ConfigError
+from vnav.errors import ConfigError, VnavError
 from vnav.io.trajectories import read_tum
 
 FRAMES = 16  # enough for a map; every eighth is held out of it
@@ -243,6 +243,14 @@ def test_a_wrong_setting_stops_before_anything_is_run(suite: Path, tmp_path: Pat
     with pytest.raises(ConfigError, match="max_feature"):
         run(suite, "--out", tmp_path / "out", "--set", "features.max_feature=1")
     assert not (tmp_path / "out").exists()
+
+
+def test_a_place_that_cannot_be_written_is_told_before_anything_is_run(
+    suite: Path, tmp_path: Path
+) -> None:
+    (tmp_path / "file").write_text("")
+    with pytest.raises(VnavError, match="expected to write to .*file, found: .*--out"):
+        run(suite, "--out", tmp_path / "file")
 
 
 def test_jobs_and_a_scheduler_are_a_usage_error(suite: Path) -> None:

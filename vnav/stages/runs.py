@@ -34,6 +34,12 @@ class Outcome:
         return f"{self.task.name}: {values['posed']} of {values['frames']} frames posed, {ate}"
 
 
+def prepare(out: Path) -> None:
+    """Make the folder; VnavError where it cannot be made, before there is anything to lose."""
+    with writing(out):
+        (out / "runs").mkdir(parents=True, exist_ok=True)
+
+
 def save(out: Path, outcome: Outcome) -> None:
     """Keep a run: run.json, trajectory.tum and truth.tum; of one that failed, failure.txt."""
     folder, result = _folder(out, outcome.task), outcome.result
@@ -72,7 +78,6 @@ def _kept(out: Path, task: Task) -> Run | None:
 def writing(out: Path) -> Iterator[None]:
     """What is written in this block goes to ``out``; VnavError where it cannot."""
     try:
-        out.mkdir(parents=True, exist_ok=True)
         yield
     except OSError as error:
         raise VnavError(
