@@ -111,7 +111,7 @@ def _times(rows: Sequence[Row]) -> str:
     cells = [
         (
             *_named(each),
-            *(f"{_ms(each[f'wall_ms{key}'])} / {_ms(each[f'cpu_ms{key}'])}" for key in keys),
+            *(_clocks(each, key) for key in keys),
             f"{each['peak_memory_mb']:.0f} MB",
             f"{escape(each['host'])}, {each['cores']} cores",
         )
@@ -133,7 +133,7 @@ def _sequence(name: str, outcomes: Sequence[Outcome]) -> str:
     }
     parts = [f"<h2>{escape(name)}</h2>"]
     if runs:
-        drawn = pictures(list(runs), list(runs.values()))
+        drawn = pictures(runs)
         shown = [html.picture(f"{title} of {name}", png) for title, png in drawn.items()]
         parts += [html.beside(*shown[:2]), *shown[2:]]
     for seed, run in runs.items():
@@ -167,5 +167,6 @@ def _number(value: float | None, digits: int) -> str:
     return "-" if value is None else f"{value:.{digits}f}"
 
 
-def _ms(value: float) -> str:
-    return f"{value:.0f}" if value >= 100 else f"{value:.1f}"
+def _clocks(each: Row, stage: str) -> str:
+    times = (each[f"{clock}_ms{stage}"] for clock in ("wall", "cpu"))
+    return "&nbsp;/&nbsp;".join(f"{ms:.0f}" if ms >= 100 else f"{ms:.1f}" for ms in times)

@@ -1,7 +1,7 @@
 """Pictures of the runs of one sequence: paths beside the truth, error over time, loops."""
 
 import io
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from matplotlib import colormaps
@@ -23,45 +23,44 @@ TRUTH = "#263238"
 Array = NDArray[np.float64]
 
 
-def pictures(seeds: Sequence[int], runs: Sequence[Run]) -> dict[str, bytes]:
-    """PNG of each picture by its name; errors only where there is a truth.
+def pictures(runs: Mapping[int, Run]) -> dict[str, bytes]:
+    """PNG of each picture by its name, of runs by their seed; errors only where there is a truth.
 
     Seen from above, in the world of the first run's map, whose z is up; the others are brought
     there by way of the truth, without which they are left out.
     """
-    shown = [run for run in runs if len(run.truth)] or list(runs[:1])
-    worlds = [_T_first_world(run, shown[0]) for run in shown]
-    figures = {
-        "trajectories": _trajectories(seeds, shown, worlds),
-        "loops": _loops(shown[0]),
-    }
-    if len(shown[0].truth):
-        figures["error over time"] = _errors(seeds, shown)
+    seed, first = next(iter(runs.items()))
+    shown = runs if len(first.truth) else {seed: first}
+    figures = {"trajectories": _trajectories(shown), "loops": _loops(seed, first)}
+    if len(first.truth):
+        figures["error over time"] = _errors(shown)
     return {name: _png(figure) for name, figure in figures.items()}
 
 
-def _trajectories(seeds: Sequence[int], runs: Sequence[Run], worlds: Sequence[Array]) -> Figure:
+def _trajectories(runs: Mapping[int, Run]) -> Figure:
+    first = next(iter(runs.values()))
+    T_first_truth = se3.inverse(_T_truth_world(first))
+    truth = se3.transform(T_first_truth, first.truth.positions)
     paths = [
-        se3.transform(T_first_world, run.trajectory.positions)
-        for T_first_world, run in zip(worlds, runs, strict=True)
+        se3.transform(T_first_truth @ _T_truth_world(run), run.trajectory.positions)
+        for run in runs.values()
     ]
-    truth = se3.transform(se3.inverse(_T_truth_world(runs[0])), runs[0].truth.positions)
     figure, axes = map_figure(_extent([*paths, truth]), "Trajectories, from above", WIDE_IN)
     entries = []
     if len(truth):
-        axes.plot(*_broken(runs[0].truth.stamps_s, truth)[:, :2].T, color=TRUTH, lw=2.5, alpha=0.4)
+        axes.plot(*_broken(first.truth.stamps_s, truth)[:, :2].T, color=TRUTH, lw=2.5, alpha=0.4)
         entries.append(Line2D([], [], color=TRUTH, lw=2.5, alpha=0.4, label="truth"))
-    for seed, run, path, color in zip(seeds, runs, paths, _colors(runs), strict=False):
+    for (seed, run), path, color in zip(runs.items(), paths, _colors(runs), strict=True):
         axes.plot(*_broken(run.trajectory.stamps_s, path)[:, :2].T, color=color, lw=1)
         entries.append(Line2D([], [], color=color, lw=1, label=f"vnav, seed {seed}"))
     legend(figure, entries)
     return figure
 
 
-def _loops(run: Run) -> Figure:
+def _loops(seed: int, run: Run) -> Figure:
     """Accepted closures of one run, drawn between the places they join."""
     path = run.trajectory.positions
-    title = f"Accepted loops ({len(run.closures_s)})"
+    title = f"Accepted loops of seed {seed} ({len(run.closures_s)})"
     figure, axes = map_figure(_extent([path]), title, WIDE_IN)
     axes.plot(*_broken(run.trajectory.stamps_s, path)[:, :2].T, color="#90a4ae", lw=1.2)
     ends = np.searchsorted(run.trajectory.stamps_s, run.closures_s - 1e-6)
@@ -70,18 +69,18 @@ def _loops(run: Run) -> Figure:
     return figure
 
 
-def _errors(seeds: Sequence[int], runs: Sequence[Run]) -> Figure:
+def _errors(runs: Mapping[int, Run]) -> Figure:
     figure = Figure((11, 3), layout="constrained")
     axes = figure.add_subplot(xlabel="time / s", ylabel="position error / cm")
     axes.spines[["top", "right"]].set_visible(False)
-    start_s = min(run.trajectory.stamps_s[0] for run in runs)
-    for seed, run, color in zip(seeds, runs, _colors(runs), strict=False):
+    start_s = min(run.trajectory.stamps_s[0] for run in runs.values())
+    for (seed, run), color in zip(runs.items(), _colors(runs), strict=True):
         stamps_s, errors_m = _off(run)
         rmse_m = run.values["score"]["ate_m"]["rmse"]
         line = _broken(stamps_s, np.stack([stamps_s - start_s, 100 * errors_m], 1))
         axes.plot(*line.T, color=color, lw=1, label=f"seed {seed}: ATE {100 * rmse_m:.2f} cm")
     axes.set_ylim(bottom=0)
-    axes.legend(frameon=False, ncols=3, loc="upper left", bbox_to_anchor=(0, 1.2))
+    figure.legend(frameon=False, ncols=5, loc="outside upper left")
     return figure
 
 
@@ -98,10 +97,6 @@ def _T_truth_world(run: Run) -> Array:
     return np.array(score["T_truth_world"]) if score else np.eye(4)
 
 
-def _T_first_world(run: Run, first: Run) -> Array:
-    return se3.inverse(_T_truth_world(first)) @ _T_truth_world(run)
-
-
 def _broken(stamps_s: Array, points: Array) -> Array:
     """Points (N, K) with a row of NaN wherever times leap."""
     steps = np.diff(stamps_s)
@@ -116,7 +111,7 @@ def _extent(paths: Sequence[Array]) -> tuple[float, float, float, float]:
     return float(left), float(right), float(bottom), float(top)
 
 
-def _colors(runs: Sequence[Run]) -> list[tuple[float, float, float]]:
+def _colors(runs: Mapping[int, Run]) -> list[tuple[float, float, float]]:
     return [COLORS[k % len(COLORS)] for k in range(len(runs))]
 
 
