@@ -43,7 +43,7 @@ bench-real: setup
 	$(BIN)/python benchmarks/hard_versions.py $(CAPTURES) --out bench
 	-$(BIN)/vnav evaluate bench/hard.toml --out bench/hard
 	-$(BIN)/vnav evaluate bench/seeds.toml --seeds 5 --out bench/seeds
-	$(BIN)/python benchmarks/hard_table.py bench/hard bench/seeds
+	$(BIN)/python benchmarks/hard_table.py bench
 
 clean:
 	rm -rf $(VENV) build dist demo bench *.egg-info .mypy_cache .pytest_cache .ruff_cache

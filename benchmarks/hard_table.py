@@ -1,10 +1,10 @@
 """What `vnav evaluate` found on hard versions, held against the clean captures.
 
-    python benchmarks/hard_table.py RESULTS SEEDS
+    python benchmarks/hard_table.py DIR
 
-RESULTS and SEEDS are the folders into which the suites hard.toml (all versions) and seeds.toml (the
-clean captures, several seeds) of hard_versions.py were evaluated. Exit code 1 where a usable frame
-has no pose, the ATE is more than twice the clean one, or a spread is too wide.
+DIR holds the versions of hard_versions.py, in hard/ the results of its suite hard.toml (all of
+them), in seeds/ those of seeds.toml (the clean ones, several seeds). Exit code 1 where a usable
+frame has no pose, the ATE is more than twice the clean one, or a spread is too wide.
 """
 
 import argparse
@@ -13,7 +13,6 @@ import sys
 from pathlib import Path
 from statistics import median
 
-UNUSABLE = {"black_first": 1}  # frames of which nothing can be asked
 TIMES_CLEAN, SPREAD = 2.0, 0.2
 DROPPED = "dropped_2_seed_"
 
@@ -29,7 +28,13 @@ def rows_of(folder: Path) -> list[Row]:
     return rows
 
 
-def compare(rows: list[Row]) -> bool:
+def usable(versions: Path, row: Row) -> int:
+    """How many of a version's frames must have a pose."""
+    path = versions / row["sequence"].replace("/", "_") / "unusable.txt"
+    return int(row["frames"]) - len(path.read_text("utf-8").splitlines())
+
+
+def compare(rows: list[Row], versions: Path) -> bool:
     """Print a line for each version; whether all of them are as they should be."""
     clean = {r["capture"]: float(r["ate_rmse_m"]) for r in rows if r["version"] == "clean"}
     print("| version | posed | usable | ATE | / clean | | lost |\n|---|---|---|---|---|---|---|")
@@ -39,13 +44,13 @@ def compare(rows: list[Row]) -> bool:
             print(f"| {row['sequence']} | | | | | failed | {row['reason']} |")
             good = False
             continue
-        usable = int(row["frames"]) - UNUSABLE.get(row["version"], 0)
+        wanted = usable(versions, row)
         ate_m = float(row["ate_rmse_m"] or "nan")
         ratio = ate_m / clean[row["capture"]]
-        well = int(row["posed"]) >= usable and ratio <= TIMES_CLEAN
+        well = int(row["posed"]) >= wanted and ratio <= TIMES_CLEAN
         good &= well
         print(
-            f"| {row['sequence']} | {row['posed']} | {usable} | {ate_m:.4f} m | {ratio:.2f}"
+            f"| {row['sequence']} | {row['posed']} | {wanted} | {ate_m:.4f} m | {ratio:.2f}"
             f" | {'' if well else 'missed'} | {row['lost']} |"
         )
     return good
@@ -68,15 +73,14 @@ def spreads(rows: list[Row], what: str) -> bool:
 
 def main(arguments: list[str] | None = None) -> int:
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
-    parser.add_argument("results", type=Path)
-    parser.add_argument("seeds", type=Path)
-    asked = parser.parse_args(arguments)
-    rows = rows_of(asked.results)
-    good = compare(rows)
+    parser.add_argument("versions", type=Path, metavar="DIR")
+    folder = parser.parse_args(arguments).versions
+    rows = rows_of(folder / "hard")
+    good = compare(rows, folder)
     print()
     dropped = [r for r in rows if r["version"].startswith(DROPPED) and r["state"] == "ok"]
     good &= spreads(dropped, "runs without 2 % of the frames")
-    good &= spreads([r for r in rows_of(asked.seeds) if r["state"] == "ok"], "seeds")
+    good &= spreads([r for r in rows_of(folder / "seeds") if r["state"] == "ok"], "seeds")
     return int(not good)
 
 

@@ -5,6 +5,7 @@
 writes DIR/<capture>_<version>/, and two suites for `vnav evaluate`: DIR/hard.toml lists all,
 DIR/seeds.toml the clean ones, to be run with several seeds. Images that are not changed are links
 to the capture's own; changed ones are written without loss. All that is random comes from a seed.
+Frames of which too little is left to ask anything are listed in unusable.txt beside their capture.
 """
 
 import argparse
@@ -26,7 +27,7 @@ from vnav.core.camera import Camera, Intrinsics
 from vnav.core.trajectory import Trajectory
 from vnav.io import tum
 from vnav.io.camera_file import read_camera
-from vnav.io.frame_list import FramePair
+from vnav.io.frame_list import FramePair, ImageFile
 from vnav.io.trajectories import read_tum, write_tum
 
 BLUR_PX, BLURRED_EVERY = 9, 10
@@ -34,6 +35,7 @@ EXPOSURES, EXPOSED_FOR = (1.0, 0.5, 1.0, 2.0), 15  # of stored values; each jump
 DEPTH_BLOCK_PX = 80
 CUT_S = 3.0
 DROP_SEEDS = range(5)
+LEAST_SEEN = 0.05  # share of the pixels that are neither black nor clipped in a usable image
 
 Image = NDArray[np.uint8] | NDArray[np.uint16]
 Change = Callable[[int, Image], Image | None]  # of a frame's image, None where it stays as it is
@@ -222,26 +224,36 @@ def write(
     (folder / "original").symlink_to(source.root, target_is_directory=True)
     for name in ("camera.toml", "groundtruth.txt"):
         (folder / name).symlink_to(source.root / name)
+    unusable: list[str] = []
+
+    def written(file: ImageFile, name: str, row: int, change: Change) -> str:
+        """Where, below the folder, an image lies: among the originals, or changed."""
+        image = cv2.imread(str(file.path), cv2.IMREAD_UNCHANGED) if change != unchanged else None
+        image = None if image is None else change(row, image)
+        if image is None:
+            return f"original/{os.path.relpath(file.path.resolve(), source.root)}"
+        if name == "rgb" and not usable(image):
+            unusable.append(f"{file.stamp_s:.6f}")
+        changed = f"changed/{name}_{row:06d}.png"
+        _, data = cv2.imencode(".png", image, (cv2.IMWRITE_PNG_COMPRESSION, 1))
+        (folder / changed).write_bytes(data.tobytes())
+        return changed
+
     with ThreadPoolExecutor(os.cpu_count()) as pool:
         for name, change in (("rgb", color), ("depth", depth)):
-            paths = pool.map(lambda k, n=name, c=change: _image(source, folder, n, k, c), rows)
-            images = [getattr(source.frames[k], "color" if name == "rgb" else name) for k in rows]
-            lines = [f"{i.stamp_s:.6f} {p}" for i, p in zip(images, paths, strict=True)]
+            pairs = [source.frames[k] for k in rows]
+            files = [pair.color if name == "rgb" else pair.depth for pair in pairs]
+            count = len(rows)
+            paths = pool.map(written, files, [name] * count, rows, [change] * count)
+            lines = [f"{f.stamp_s:.6f} {p}" for f, p in zip(files, paths, strict=True)]
             (folder / f"{name}.txt").write_text("\n".join(["# time file", *lines, ""]), "utf-8")
+    (folder / "unusable.txt").write_text("".join(f"{s}\n" for s in sorted(unusable)), "utf-8")
 
 
-def _image(source: Source, folder: Path, name: str, row: int, change: Change) -> str:
-    """Where, below the folder, a frame's image lies: among the originals, or changed."""
-    pair = source.frames[row]
-    path = (pair.color if name == "rgb" else pair.depth).path
-    if change is not unchanged:
-        image = change(row, cv2.imread(str(path), cv2.IMREAD_UNCHANGED))
-        if image is not None:
-            changed = f"changed/{name}_{row:06d}.png"
-            _, data = cv2.imencode(".png", image, (cv2.IMWRITE_PNG_COMPRESSION, 1))
-            (folder / changed).write_bytes(data.tobytes())
-            return changed
-    return f"original/{os.path.relpath(path.resolve(), source.root)}"
+def usable(color: Image) -> bool:
+    """Whether enough of a colour image is neither black nor clipped."""
+    seen = ((color > 0) & (color < 255)).any(-1)
+    return bool(seen.mean() >= LEAST_SEEN)
 
 
 def write_camera(path: Path, camera: Camera) -> None:

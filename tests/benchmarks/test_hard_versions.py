@@ -84,6 +84,7 @@ def test_only_the_first_frame_is_black(original, version) -> None:
     black = version("black_first")
     assert changed(original, black) == [0]
     assert not black.read(0).color.any()
+    assert (black.root / "unusable.txt").read_text() == f"{black.stamp_s(0):.6f}\n"
 
 
 def test_every_tenth_frame_is_blurred(original, version) -> None:
@@ -110,6 +111,16 @@ def test_exposure_jumps_by_a_factor_of_two_and_clips(original, version) -> None:
     np.testing.assert_array_equal(b, np.minimum(2 * a, 255))
     a, b = (c.read(20).color.astype(int) for c in (original, exposed))
     assert np.abs(2 * b - a).max() <= 1
+
+
+def test_a_frame_is_unusable_where_nearly_all_of_it_is_black_or_clipped(hard: ModuleType) -> None:
+    image = np.zeros((100, 100, 3), np.uint8)
+    image[:50] = 255
+    assert not hard.usable(image)
+    image[:4, :, 0] = 200
+    assert not hard.usable(image)
+    image[:5, :, 0] = 200
+    assert hard.usable(image)
 
 
 def test_half_of_all_depth_is_missing_and_the_rest_is_as_it_was(original, version) -> None:
