@@ -247,3 +247,27 @@ def test_what_b_turned_away_from_is_not_found_behind_it() -> None:
     mirrored = behind * [1, 1, -1]
     b = measured(mirrored, a.features.descriptors, np.random.default_rng(0))
     assert rejected((a, b)).inliers < CONFIG.min_inliers
+
+
+def decoyed(seed: int, wrong: np.ndarray) -> Views:
+    """Where a wrong motion looks for 100 features of a, b has 30 alike, and 70 a little astray."""
+    rng = np.random.default_rng(seed)
+    points, descriptors = scattered(rng, 100), described(rng, 100)
+    a = measured(points, descriptors, rng)
+    astray = CAMERA.project(se3.transform(se3.inverse(wrong), points))
+    astray[30:] += rng.uniform(-15, 15, (70, 2))
+    depth = se3.transform(se3.inverse(wrong), points)[:, 2]
+    similar = descriptors + rng.integers(0, 30, descriptors.shape)  # farther than the right ones
+    there = np.concatenate(
+        [se3.transform(se3.inverse(MOTION), points), CAMERA.unproject(astray, depth)]
+    )
+    return a, measured(there, np.concatenate([descriptors, similar]).astype(np.uint8), rng)
+
+
+def test_a_motion_that_few_of_the_predicted_places_bear_out_gives_way_to_one_of_more() -> None:
+    # 15 degrees off: the right features are out of reach of the predicted places.
+    wrong = MOTION @ se3.exp([0, 0.26, 0, 0, 0, 0])
+    pair = decoyed(0, wrong)
+    estimate = estimated(pair, predicted=wrong)
+    assert normalised_error(estimate) < 4
+    assert len(estimate.inliers) > 70

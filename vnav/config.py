@@ -31,7 +31,9 @@ class FeaturesConfig:
 
     front_end: str = "sift"
     max_features: int = 1500
-    contrast_threshold: float = 0.006  # low: bare walls have weak features, and they hold
+    contrast_threshold: float = 0.015
+    few_features: int = 400  # where fewer are found, they are sought once more
+    weak_contrast_threshold: float = 0.006  # with this: bare walls have weak features, which hold
     edge_threshold: float = 10.0
     root_sift: bool = True
 
@@ -44,6 +46,8 @@ class RegistrationConfig:
     mutual: bool = True
     max_distance: float = 0.8  # of unit descriptors: farther ones are no match near a prediction
     search_radius_px: float = 40.0  # about where the last motion, gone on with, puts a feature
+    search_features: int = 400  # the strongest, which are sought there: enough to find the motion
+    sure_inlier_share: float = 0.85  # of those: with fewer, matches are sought everywhere too
     polish_radius_px: float = 8.0  # about where the motion found puts it
     pixel_sigma_px: float = 1.0
     depth_sigma_per_m2: float = 0.0025  # axial depth noise: sigma = this * depth^2
@@ -136,14 +140,13 @@ class LocateConfig:
     ratio_2d_3d: float = 0.75
     ratio_3d_2d: float = 0.75
     enough_matches: int = 100  # in one place; ends the search there
-    places: int = 4  # sets of landmarks seen together that are searched on
+    places: int = 8  # sets of landmarks seen together that are searched on
     solver: str = "auto"  # p3p where the camera is known, else dlt; or one of the two always
     pixel_sigma_px: float = 1.0  # of a keypoint; pixels are those of an image 640 wide
     ransac_threshold_px: float = 6.0
     ransac_iterations: int = 1000
     min_inliers: int = 12
-    min_evidence: float = 0.5  # nats for the pose against anywhere else
-    min_margin: float = 4.0  # nats for the pose against the next best
+    min_confidence: float = 0.95  # probability that the pose is right, below which none is given
 
 
 @dataclass(frozen=True)

@@ -38,3 +38,20 @@ def test_plain_sift_is_had_by_choice() -> None:
 
 def test_the_self_test_passes() -> None:
     self_test()
+
+
+def test_a_faint_image_is_searched_for_weak_features() -> None:
+    # Blobs of 3 grey levels: below the usual threshold of 0.015 / 3 layers * 255 in contrast.
+    noise = cv2.GaussianBlur(np.random.default_rng(2).standard_normal((120, 160)), (0, 0), 2)
+    faint = np.repeat(np.rint(128 + 3 * noise / noise.std())[..., None], 3, 2).astype(np.uint8)
+    usual = Sift(FeaturesConfig(few_features=0)).extract(faint)
+    weak = Sift(FeaturesConfig(few_features=400)).extract(faint)
+    assert len(weak) > 2 * len(usual)
+
+
+def test_an_image_with_enough_features_is_searched_once() -> None:
+    noise = cv2.GaussianBlur(np.random.default_rng(3).standard_normal((240, 320)), (0, 0), 2)
+    rich = np.repeat((128 + 30 * noise / noise.std()).clip(0, 255)[..., None], 3, 2)
+    usual = Sift(FeaturesConfig(few_features=0)).extract(rich.astype(np.uint8))
+    weak = Sift(FeaturesConfig(few_features=400)).extract(rich.astype(np.uint8))
+    assert len(weak) == len(usual) > 400

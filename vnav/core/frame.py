@@ -101,6 +101,11 @@ class PoseEstimate:
     matches: int
     rms_px: float
 
+    @property
+    def inlier_share(self) -> float:
+        """Of the matches."""
+        return len(self.inliers) / self.matches
+
 
 @dataclass(frozen=True)
 class Rejected:

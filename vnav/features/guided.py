@@ -6,6 +6,8 @@ from numpy.typing import NDArray
 
 from vnav.core.frame import Features
 
+PART = 32  # of a descriptor: compared first, and no further where it is too far off already
+
 
 def match_near(
     a: Features,
@@ -22,53 +24,67 @@ def match_near(
     only one feature is in reach there is no ratio, and its distance must be below
     ``max_distance``, as that of any match must.
     """
-    order = np.argsort(b.keypoints_px[:, 1], kind="stable")
-    px_b = np.ascontiguousarray(b.keypoints_px[order], np.float64)
-    nearest, squared = _nearest_near(
+    rows: NDArray[np.int32] = _match_near(
         np.ascontiguousarray(predicted_px, np.float64),
-        np.ascontiguousarray(a.descriptors),
-        px_b,
-        np.ascontiguousarray(b.descriptors[order]),
-        radius_px,
+        a.descriptors,
+        b.keypoints_px,
+        b.descriptors,
+        np.array([radius_px, ratio**2, max_distance**2]),
     )
-    limit = max_distance**2
-    good = (squared[:, 0] < ratio**2 * squared[:, 1]) & (squared[:, 0] < limit)
-    rows = np.flatnonzero(good)
-    rows = rows[np.argsort(squared[rows, 0], kind="stable")]
-    _, first = np.unique(nearest[rows], return_index=True)  # of rivals for one feature, the nearest
-    rows = np.sort(rows[first])
-    return np.stack([rows, order[nearest[rows]]], 1).astype(np.int32)
+    return rows
 
 
 @njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
-def _nearest_near(
+def _match_near(
     predicted: NDArray[np.float64],
     descriptors_a: NDArray[np.uint8],
-    px_b: NDArray[np.float64],
+    px_b: NDArray[np.float32],
     descriptors_b: NDArray[np.uint8],
-    radius: float,
-) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
-    """Row of the nearest of b in reach, -1 if none, and squared distances of the two nearest."""
-    count, size = descriptors_a.shape
-    nearest = np.full(count, -1, np.int64)
-    squared = np.full((count, 2), np.inf)
-    for i in range(count):
+    limits: NDArray[np.float64],
+) -> NDArray[np.int32]:
+    radius, ratio_squared, most = limits
+    order = np.argsort(px_b[:, 1], kind="mergesort")
+    px = px_b[order].astype(np.float64)
+    described = descriptors_b[order]
+    heights = px[:, 1].copy()
+    taken_by = np.full(len(px), -1, np.int32)  # of rivals for one feature of b, the nearest
+    taken_at = np.full(len(px), np.inf)
+    for i in range(len(predicted)):
         x, y = predicted[i]
         if not (x == x and y == y):
             continue
-        k = np.searchsorted(px_b[:, 1], y - radius)
-        while k < len(px_b) and px_b[k, 1] <= y + radius:
-            dx, dy = px_b[k, 0] - x, px_b[k, 1] - y
-            if dx * dx + dy * dy <= radius * radius:
-                total = np.int32(0)
-                for d in range(size):
-                    difference = np.int32(descriptors_a[i, d]) - np.int32(descriptors_b[k, d])
-                    total += difference * difference
-                if total < squared[i, 0]:
-                    squared[i, 1] = squared[i, 0]
-                    squared[i, 0] = float(total)
-                    nearest[i] = k
-                elif total < squared[i, 1]:
-                    squared[i, 1] = float(total)
-            k += 1
-    return nearest, squared
+        nearest, first, second = -1, np.inf, np.inf
+        for k in range(np.searchsorted(heights, y - radius), len(px)):
+            if heights[k] > y + radius:
+                break
+            dx, dy = px[k, 0] - x, heights[k] - y
+            if dx * dx + dy * dy > radius * radius:
+                continue
+            squared = _squared_distance(descriptors_a[i], described[k], second)
+            if squared < first:
+                nearest, first, second = k, squared, first
+            elif squared < second:
+                second = squared
+        if first < ratio_squared * second and first < most and first < taken_at[nearest]:
+            taken_by[nearest], taken_at[nearest] = i, first
+    matched = np.full(len(predicted), -1, np.int32)
+    for k in range(len(px)):
+        if taken_by[k] >= 0:
+            matched[taken_by[k]] = order[k]
+    rows = np.flatnonzero(matched >= 0)
+    return np.stack((rows.astype(np.int32), matched[rows]), 1)
+
+
+@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+def _squared_distance(a: NDArray[np.uint8], b: NDArray[np.uint8], most: float) -> float:
+    """Squared distance of two descriptors; more than ``most`` where the first parts exceed it."""
+    total = 0.0
+    for start in range(0, len(a), PART):
+        part = np.int32(0)
+        for d in range(start, min(start + PART, len(a))):
+            difference = np.int32(a[d]) - np.int32(b[d])
+            part += difference * difference
+        total += part
+        if total > most:
+            break
+    return total

@@ -1,12 +1,14 @@
-"""Keypoints to 3D points by the pinhole model."""
+"""Keypoints to 3D points by the pinhole model; compiled, since every frame lifts all its own."""
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
 from vnav.config import RegistrationConfig
 from vnav.core.camera import Intrinsics
 
-Array = NDArray[np.float64]
+FILLED = 0.6  # share of the window that must have depth
+EDGE_SIGMAS = 4.0  # a pixel farther off the plane lies on another surface
 
 
 def lift(
@@ -22,35 +24,65 @@ def lift(
     sub-pixel place. Refused where less than 60 % of the window has depth, or where a pixel lies
     off the plane by more than the noise explains: a depth edge. Claim 3, S4.
     """
-    inverse_depth, offsets = _windows(keypoints_px, depth_m, config.depth_window_px)
-    valid = inverse_depth > 0
-    plane, residual = _fit_planes(inverse_depth, valid, offsets)
-    edge = np.abs(residual).max(1, initial=0) > 4 * config.depth_sigma_per_m2
-    sparse = valid.sum(1) < 0.6 * valid.shape[1]
-    good = ~edge & ~sparse & (plane[:, 0] > 0)
-    z = np.where(good, 1 / np.where(good, plane[:, 0], 1.0), np.nan)
-    return intrinsics.unproject(keypoints_px, z).astype(np.float32)
+    px = np.ascontiguousarray(keypoints_px, np.float64)
+    depth_m = np.ascontiguousarray(depth_m, np.float32)
+    limit = EDGE_SIGMAS * config.depth_sigma_per_m2
+    z = _depths(px, depth_m, config.depth_window_px // 2, limit)
+    return intrinsics.unproject(px, z).astype(np.float32)
 
 
-def _windows(
-    keypoints_px: NDArray[np.float32], depth_m: NDArray[np.float32], size: int
-) -> tuple[Array, Array]:
-    """Inverse depths (N, S) around the keypoints, 0 where none; offsets (N, S, 2) from them."""
+@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+def _depths(
+    px: NDArray[np.float64], depth_m: NDArray[np.float32], reach: int, limit: float
+) -> NDArray[np.float64]:
+    """Depth (N,) at each pixel, NaN where it does not hold."""
+    z = np.full(len(px), np.nan)
+    size = 2 * reach + 1
+    window = np.zeros((size * size, 4))  # 1, offsets in x and y, inverse depth
+    for n in range(len(px)):
+        count = _fill(window, px[n], depth_m, reach)
+        if count < FILLED * size * size or count < 3:
+            continue
+        plane = _plane(window[:count])
+        if plane[0] > 0 and _flat(window[:count], plane, limit):
+            z[n] = 1 / plane[0]
+    return z
+
+
+@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+def _fill(
+    window: NDArray[np.float64],
+    px: NDArray[np.float64],
+    depth_m: NDArray[np.float32],
+    reach: int,
+) -> int:
+    """Put the pixels around one that have depth into the window; how many there are."""
     height, width = depth_m.shape
-    steps = np.arange(size) - size // 2
-    grid = np.stack(np.meshgrid(steps, steps), -1).reshape(-1, 2)
-    pixels = np.rint(keypoints_px).astype(np.intp)[:, None, :] + grid
-    x, y = pixels[..., 0], pixels[..., 1]
-    inside = (x >= 0) & (x < width) & (y >= 0) & (y < height)
-    z = np.where(inside, depth_m[y.clip(0, height - 1), x.clip(0, width - 1)], 0.0)
-    inverse = np.where(z > 0, 1 / np.where(z > 0, z, 1.0), 0.0)
-    return inverse, pixels - keypoints_px[:, None, :].astype(float)
+    x, y, count = int(np.rint(px[0])), int(np.rint(px[1])), 0
+    for v in range(max(0, y - reach), min(height, y + reach + 1)):
+        for u in range(max(0, x - reach), min(width, x + reach + 1)):
+            if depth_m[v, u] > 0:
+                window[count] = 1.0, u - px[0], v - px[1], 1.0 / depth_m[v, u]
+                count += 1
+    return count
 
 
-def _fit_planes(values: Array, valid: NDArray[np.bool_], offsets: Array) -> tuple[Array, Array]:
-    """Planes (N, 3) (value at the keypoint, slopes) and the residuals (N, S), 0 where invalid."""
-    design = np.concatenate([np.ones((*values.shape, 1)), offsets], -1) * valid[..., None]
-    normal = np.einsum("nsi,nsj->nij", design, design) + 1e-9 * np.eye(3)
-    plane = np.linalg.solve(normal, np.einsum("nsi,ns->ni", design, values)[..., None])[..., 0]
-    residual = (values - np.einsum("nsi,ni->ns", design, plane)) * valid
-    return plane, residual
+@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+def _plane(window: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Value at the keypoint and slopes (3,) of the plane through the window's inverse depths."""
+    H, g = 1e-9 * np.eye(3), np.zeros(3)
+    for k in range(len(window)):
+        for i in range(3):
+            g[i] += window[k, i] * window[k, 3]
+            for j in range(3):
+                H[i, j] += window[k, i] * window[k, j]
+    return np.asarray(np.linalg.solve(H, g), np.float64)
+
+
+@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+def _flat(window: NDArray[np.float64], plane: NDArray[np.float64], limit: float) -> bool:
+    for k in range(len(window)):
+        value = plane[0] + plane[1] * window[k, 1] + plane[2] * window[k, 2]
+        if abs(window[k, 3] - value) > limit:
+            return False
+    return True

@@ -24,7 +24,10 @@ class Sift:
     def extract(self, color: NDArray[np.uint8]) -> Features:
         """The strongest features of an RGB image (H, W, 3), strongest first."""
         gray = cv2.cvtColor(color, cv2.COLOR_RGB2GRAY)
-        keypoints, descriptors = self._detector().detectAndCompute(gray, None)
+        strong, weak = self._detectors()
+        keypoints, descriptors = strong.detectAndCompute(gray, None)
+        if len(keypoints) < self._config.few_features:
+            keypoints, descriptors = weak.detectAndCompute(gray, None)
         if descriptors is None:
             return _features([], np.zeros((0, 128), np.float32))
         order = _strongest(keypoints, self._config.max_features)
@@ -32,15 +35,21 @@ class Sift:
             descriptors = root_sift(descriptors)
         return _features([keypoints[k] for k in order], descriptors[order])
 
-    def _detector(self) -> Any:
-        if not hasattr(self._per_thread, "sift"):
-            self._per_thread.sift = cv2.SIFT.create(
-                nfeatures=self._config.max_features,
-                contrastThreshold=self._config.contrast_threshold,
-                edgeThreshold=self._config.edge_threshold,
-                enable_precise_upscale=True,  # without it keypoints sit a quarter pixel off
+    def _detectors(self) -> tuple[Any, Any]:
+        """OpenCV's SIFT with either contrast threshold."""
+        if not hasattr(self._per_thread, "detectors"):
+            config = self._config
+            self._per_thread.detectors = tuple(
+                cv2.SIFT.create(
+                    nfeatures=config.max_features,
+                    contrastThreshold=contrast,
+                    edgeThreshold=config.edge_threshold,
+                    enable_precise_upscale=True,  # without it keypoints sit a quarter pixel off
+                )
+                for contrast in (config.contrast_threshold, config.weak_contrast_threshold)
             )
-        return self._per_thread.sift
+        detectors: tuple[Any, Any] = self._per_thread.detectors
+        return detectors
 
 
 def root_sift(descriptors: NDArray[np.float32]) -> NDArray[np.float32]:

@@ -1,6 +1,5 @@
 """Two frames to the transformation between them: claim 3, S3 to S5."""
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -16,9 +15,7 @@ from vnav.registration.pairs import Pairs
 
 Array = NDArray[np.float64]
 SAMPLE = 3  # matched points that fix a rigid transformation
-BATCH = 64  # hypotheses tried at once
 CONFIDENCE = 0.999
-CONVERGED = 1e-5  # rad and m: a tenth of what the best pair of frames can tell
 INLIER_SIGMAS_SQUARED = 14.2  # chi-squared, 3 degrees of freedom: 99.7 % of the right matches
 LINE_SIGMAS = 2.0  # of depth: points that spread less off a line do not fix the turn about it
 
@@ -55,35 +52,36 @@ def register(
 
     Matches, RANSAC on three matched 3D points each, then robust non-linear refinement of
     reprojection and inverse depth with the sensor's noise. Where a motion ``T_a_b`` is
-    ``predicted``, matches are first sought near the places that it gives, then everywhere by the
-    ratio test. With the motion found, matches are sought once more, close to where it puts them.
+    ``predicted``, the strongest features are sought near the places that it gives; unless nearly
+    all of those agree, matches are also sought everywhere by the ratio test, and the motion with
+    more inliers counts: near wrong places, wrong matches can agree by chance. With the motion
+    found, matches are sought once more, close to where it puts them.
     """
-    verdict = Rejected("too few matches")
-    for matches in _searches(a, b, sensor, predicted):
-        estimate = _estimate(a, b, matches, sensor, rng)
-        if isinstance(estimate, PoseEstimate):
-            return estimate
-        verdict = estimate
-    return verdict
-
-
-def _searches(
-    a: Keyframe, b: Keyframe, sensor: Sensor, predicted: Array | None
-) -> Iterator[NDArray[np.int32]]:
-    """Matches near the predicted places, then those of the ratio test over the whole image."""
     config = sensor.config
+    near: PoseEstimate | Rejected = Rejected("no prediction")
     if predicted is not None:
-        yield _near(a, b, predicted, sensor, config.search_radius_px)
+        matches = _near(a, b, predicted, sensor, config.search_radius_px, config.search_features)
+        near = _estimate(a, b, matches, sensor, rng)
+        if isinstance(near, PoseEstimate) and near.inlier_share >= config.sure_inlier_share:
+            return _polished(near, a, b, sensor)
     matches = sensor.matcher.everywhere(a.features, b.features)
-    yield matches[a.has_depth[matches[:, 0]]]
+    everywhere = _estimate(a, b, matches[a.has_depth[matches[:, 0]]], sensor, rng)
+    found = [_polished(e, a, b, sensor) for e in (near, everywhere) if isinstance(e, PoseEstimate)]
+    return max(found, key=lambda estimate: len(estimate.inliers), default=everywhere)
 
 
 def _near(
-    a: Keyframe, b: Keyframe, T_a_b: Array, sensor: Sensor, radius_px: float
+    a: Keyframe,
+    b: Keyframe,
+    T_a_b: Array,
+    sensor: Sensor,
+    radius_px: float,
+    strongest: int | None = None,
 ) -> NDArray[np.int32]:
-    """Matches close to where a motion puts a's features in b."""
-    seen_from_b = se3.transform(se3.inverse(T_a_b), a.points_camera)
-    predicted_px = sensor.intrinsics.project(seen_from_b)
+    """Matches close to where a motion puts a's features, or the strongest of them, in b."""
+    seen_from_b = se3.transform(se3.inverse(T_a_b), a.points_camera[:strongest])
+    predicted_px = np.full((len(a.features), 2), np.nan)
+    predicted_px[:strongest] = sensor.intrinsics.project(seen_from_b)
     return sensor.matcher.near(a.features, b.features, predicted_px, radius_px)
 
 
@@ -99,57 +97,30 @@ def _estimate(
     if len(matches) < config.min_inliers:
         return Rejected("too few matches", len(matches))
     pairs = Pairs(a, b, matches, sensor.intrinsics, config)
-    T_a_b = _ransac(pairs, config, rng)
-    if T_a_b is None:
+    usable = np.flatnonzero(pairs.both)
+    if len(usable) < SAMPLE:
         return Rejected("no consistent motion", len(matches))
-    T_a_b = _refine(T_a_b, pairs)
-    found = _judge(T_a_b, pairs, matches, config)
-    if isinstance(found, Rejected):
-        return found
-    closer = _near(a, b, T_a_b, sensor, config.polish_radius_px)
+    chosen = usable[rng.integers(len(usable), size=(config.ransac_iterations, SAMPLE))]
+    threshold_sigmas = config.ransac_threshold_px / config.pixel_sigma_px
+    T_a_b = pairs.consensus(chosen, threshold_sigmas, CONFIDENCE)
+    return _refined(T_a_b, pairs, matches, config)
+
+
+def _polished(found: PoseEstimate, a: Keyframe, b: Keyframe, sensor: Sensor) -> PoseEstimate:
+    """The estimate from all matches close to where the motion puts them, if those are more."""
+    closer = _near(a, b, found.T_a_b, sensor, sensor.config.polish_radius_px)
     if len(closer) <= len(found.inliers):
         return found
-    pairs = Pairs(a, b, closer, sensor.intrinsics, config)
-    polished = _judge(_refine(T_a_b, pairs), pairs, closer, config)
+    pairs = Pairs(a, b, closer, sensor.intrinsics, sensor.config)
+    polished = _refined(found.T_a_b, pairs, closer, sensor.config)
     return polished if isinstance(polished, PoseEstimate) else found
 
 
-def _ransac(pairs: Pairs, config: RegistrationConfig, rng: np.random.Generator) -> Array | None:
-    """The motion that most matches agree with, from minimal sets of matched 3D points."""
-    usable = np.flatnonzero(pairs.both)
-    if len(usable) < SAMPLE:
-        return None
-    best, best_cost, needed, tried = None, np.inf, config.ransac_iterations, 0
-    while tried < needed:
-        chosen = usable[rng.random((BATCH, len(usable))).argpartition(SAMPLE - 1, 1)[:, :SAMPLE]]
-        T_a_b = se3.align(pairs.points_a[chosen], pairs.points_b[chosen])
-        cost, inliers = pairs.costs(T_a_b, config.ransac_threshold_px / config.pixel_sigma_px)
-        k = int(cost.argmin())
-        if cost[k] < best_cost:
-            best, best_cost = T_a_b[k], float(cost[k])
-            share = max(float(inliers[k]) / len(pairs.points_a), 1e-3)
-            trials = np.log(1 - CONFIDENCE) / np.log(1 - share**SAMPLE + 1e-12)
-            needed = min(needed, int(trials) + 1)
-        tried += BATCH
-    return best
-
-
-def _refine(T_a_b: Array, pairs: Pairs, iterations: int = 12) -> Array:
-    """Gauss-Newton on whitened residuals with Cauchy weights; claim 3, S5."""
-    for _ in range(iterations):
-        H, g, _ = pairs.normal_equations(T_a_b)
-        step = -np.linalg.solve(H + 1e-9 * (1 + np.trace(H)) * np.eye(6), g)
-        T_a_b = T_a_b @ se3.exp(step)
-        if np.abs(step).max() < CONVERGED:
-            break
-    return T_a_b
-
-
-def _judge(
+def _refined(
     T_a_b: Array, pairs: Pairs, matches: NDArray[np.int32], config: RegistrationConfig
 ) -> PoseEstimate | Rejected:
-    """The estimate, or why too little holds it."""
-    H, _, squared = pairs.normal_equations(T_a_b)
+    """The refined estimate, or why too little holds it."""
+    T_a_b, H, squared = pairs.refined(T_a_b)
     inlier = squared < INLIER_SIGMAS_SQUARED
     count = int(inlier.sum())
     if count < config.min_inliers:
@@ -158,8 +129,7 @@ def _judge(
         return Rejected("too small a share of inliers", len(matches), count)
     if _on_line(pairs.points_a[inlier], config):
         return Rejected("matches on a line", len(matches), count)
-    rms_px = pairs.rms_px(T_a_b, inlier)
-    return PoseEstimate(T_a_b, H, matches[inlier], len(matches), rms_px)
+    return PoseEstimate(T_a_b, H, matches[inlier], len(matches), pairs.rms_px(T_a_b, inlier))
 
 
 def _on_line(points: Array, config: RegistrationConfig) -> bool:

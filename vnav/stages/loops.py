@@ -85,7 +85,7 @@ def close(
         pairs = by_proximity(overlap, config.loops, found.tried)
         if not pairs:
             break
-        verify(pairs, found)
+        verify(pairs, found, graph.T_world_camera)
     return found
 
 
@@ -196,10 +196,19 @@ class Verifier:
         self._matcher = DescriptorMatcher(self._settings)
         self._progress = progress
 
-    def __call__(self, candidates: Sequence[Candidate], found: Closures) -> None:
-        """Add every candidate's verdict, and the edge and matches of the accepted."""
+    def __call__(
+        self, candidates: Sequence[Candidate], found: Closures, T_world_camera: Array | None = None
+    ) -> None:
+        """Add every candidate's verdict, and the edge and matches of the accepted.
+
+        Poses of all frames (N, 4, 4), where they are known, tell where matches are to be expected.
+        """
+
+        def estimate_of(candidate: Candidate) -> PoseEstimate | Rejected:
+            return self._register(candidate, T_world_camera)
+
         with ThreadPoolExecutor(os.cpu_count()) as pool:
-            estimates = pool.map(self._register, candidates)
+            estimates = pool.map(estimate_of, candidates)
             for n, ((i, j, source, score), estimate) in enumerate(
                 zip(candidates, estimates, strict=True), 1
             ):
@@ -215,13 +224,18 @@ class Verifier:
                     found.edges.append(self._edge(i, j, estimate))
                     found.parts.append(_keyed(i, j, estimate.inliers))
 
-    def _register(self, candidate: Candidate) -> PoseEstimate | Rejected:
+    def _register(
+        self, candidate: Candidate, T_world_camera: Array | None
+    ) -> PoseEstimate | Rejected:
         a, b = self._keyframes[candidate[0]], self._keyframes[candidate[1]]
         if self._cameras[self._captures[a.row]] != self._cameras[self._captures[b.row]]:
             return Rejected("two cameras")
         rng = np.random.default_rng([self._seed, a.row, b.row])
         sensor = Sensor(self._cameras[self._captures[a.row]], self._settings, self._matcher)
-        return register(a, b, sensor, rng)
+        predicted = None
+        if T_world_camera is not None:
+            predicted = se3.inverse(T_world_camera[a.row]) @ T_world_camera[b.row]
+        return register(a, b, sensor, rng, predicted)
 
     def _edge(self, i: int, j: int, estimate: PoseEstimate) -> Edge:
         rows = self._keyframes[i].row, self._keyframes[j].row

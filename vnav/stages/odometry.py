@@ -47,7 +47,9 @@ def run(
     with folder.writing("odometry", settings, inputs) as draft:
         odometry = track(captures, config, draft, progress)
         save_odometry(draft, odometry)
-        folder.set_captures([_described(k, capture) for k, capture in enumerate(captures)])
+        folder.set_captures(
+            [_described(k, c, inputs[f"capture_{k}"]) for k, c in enumerate(captures)]
+        )
     return finished(folder, _report(odometry), started)
 
 
@@ -57,12 +59,16 @@ def track(
     """Odometry over all frames; keyframes' images are written into the draft as they are chosen."""
     frames = _frame_table(captures)
     tracker = Tracker(config)
-    for row, seen in _described_frames(captures, config, draft):
-        progress("odometry", row, len(frames))
-        if isinstance(seen, str):
-            tracker.skip(row, seen)
-        elif tracker.add(seen.keyframe, seen.sensor):
-            seen.keep()
+    with ThreadPoolExecutor(os.cpu_count()) as pool:
+        written = []
+        for row, seen in _described_frames(captures, config, pool):
+            progress("odometry", row, len(frames))
+            if isinstance(seen, str):
+                tracker.skip(row, seen)
+            elif tracker.add(seen.keyframe, seen.sensor):
+                written.append(pool.submit(save_keyframe, draft, row, seen.frame))
+        for keyframe in written:
+            keyframe.result()
     progress("odometry", len(frames), len(frames))
     return tracker.result(frames)
 
@@ -201,21 +207,17 @@ class Motion:
 
 @dataclasses.dataclass(frozen=True)
 class _Seen:
-    """A frame with its features, and how to keep its images."""
+    """A frame, its features, and the sensor that took it."""
 
     keyframe: Keyframe
     frame: Frame
     sensor: Sensor
-    draft: Path
-
-    def keep(self) -> None:
-        save_keyframe(self.draft, self.keyframe.row, self.frame)
 
 
 def _described_frames(
-    captures: Sequence[Capture], config: Config, draft: Path
+    captures: Sequence[Capture], config: Config, pool: ThreadPoolExecutor
 ) -> Iterator[tuple[int, _Seen | str]]:
-    """Every frame in order, read and described on all cores a little ahead; or why it cannot be."""
+    """Every frame in order, read and described by the pool a little ahead; or why it cannot be."""
     extract = front_end(config.features).extract
     farthest = config.odometry.max_depth_m
     matcher = DescriptorMatcher(config.registration)
@@ -232,18 +234,16 @@ def _described_frames(
         features = extract(frame.color)
         near = np.where(frame.depth_m <= farthest, frame.depth_m, np.float32(0))
         points = lift(features.keypoints_px, near, sensors[c].intrinsics, config.registration)
-        return _Seen(Keyframe(row, features, points), frame, sensors[c], draft)
+        return _Seen(Keyframe(row, features, points), frame, sensors[c])
 
-    cores = os.cpu_count() or 1
     threads = cv2.getNumThreads()
     cv2.setNumThreads(1)
     try:
-        with ThreadPoolExecutor(cores) as pool:
-            ahead: deque[Future[_Seen | str]] = deque()
-            for row in range(len(keys)):
-                while len(ahead) < 2 * cores and row + len(ahead) < len(keys):
-                    ahead.append(pool.submit(describe, row + len(ahead)))
-                yield row, ahead.popleft().result()
+        ahead: deque[Future[_Seen | str]] = deque()
+        for row in range(len(keys)):
+            while len(ahead) < 2 * (os.cpu_count() or 1) and row + len(ahead) < len(keys):
+                ahead.append(pool.submit(describe, row + len(ahead)))
+            yield row, ahead.popleft().result()
     finally:
         cv2.setNumThreads(threads)
 
@@ -255,10 +255,9 @@ def _frame_table(captures: Sequence[Capture]) -> FrameTable:
     return FrameTable(table[:, 0], table[:, 1], np.array(stamps))
 
 
-def _described(number: int, capture: Capture) -> dict[str, object]:
+def _described(number: int, capture: Capture, fingerprint: str) -> dict[str, object]:
     camera = dataclasses.asdict(rectified(capture.camera))
-    name, fingerprint = capture.name, capture.fingerprint()
-    return {"id": number, "name": name, "fingerprint": fingerprint, "camera": camera}
+    return {"id": number, "name": capture.name, "fingerprint": fingerprint, "camera": camera}
 
 
 def _report(odometry: Odometry) -> Report:
