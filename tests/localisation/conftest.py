@@ -12,6 +12,7 @@ from vnav.core import se3
 from vnav.core.camera import Intrinsics
 from vnav.core.frame import Features
 from vnav.core.mapping import Keyframe, Landmarks
+from vnav.core.voxels import Voxels
 from vnav.localisation.atlas import Atlas
 from vnav.localisation.indexing import MappedKeyframe, build
 from vnav.localisation.view import View
@@ -98,7 +99,12 @@ def seen(
     ), np.append(which, np.full(clutter, -1))
 
 
-def mapped(things: Things, poses: list[Array], rng: np.random.Generator) -> Atlas:
+NOTHING = Voxels.filled(np.zeros((0, 3)), np.zeros(0), 0.05)
+
+
+def mapped(
+    things: Things, poses: list[Array], rng: np.random.Generator, voxels: Voxels = NOTHING
+) -> Atlas:
     """The atlas of a map that keyframes at these poses see."""
     views = [seen(T, things, rng) for T in poses]
     rows = [
@@ -122,7 +128,7 @@ def mapped(things: Things, poses: list[Array], rng: np.random.Generator) -> Atla
         for k, (T, (features, _)) in enumerate(zip(poses, views, strict=True))
     ]
     tree = train(np.concatenate([f.descriptors for f, _ in views]), VocabularyConfig(), 0)
-    return Atlas(build(landmarks, keyframes, tree, IndexConfig(), rng), tree)
+    return Atlas(build(landmarks, keyframes, tree, voxels, IndexConfig(), rng), tree)
 
 
 def around(centre: tuple[float, float, float]) -> list[Array]:

@@ -1,9 +1,22 @@
+from math import comb, exp, log
+
 import numpy as np
 import pytest
 
-from vnav.localisation.evidence import COLUMNS, LANDMARKS, ROWS, evidence
+from vnav.localisation.evidence import (
+    COLUMNS,
+    NOTHING,
+    ROWS,
+    Evidence,
+    cells_of,
+    counted,
+    evidence,
+    posterior,
+)
 from vnav.localisation.guided import Hits, Prediction
 from vnav.localisation.photo import prepare
+
+CELLS = COLUMNS * ROWS
 
 
 @pytest.fixture
@@ -16,47 +29,75 @@ def scene(world):
     return photo, Prediction(np.arange(len(px)), px, np.ones((len(px), 2)))
 
 
-def found(rows):
-    return Hits(rows, rows, np.zeros(len(rows), np.float32), np.zeros(len(rows)))
+def chance(scene, rows) -> float:
+    """Probability of the pose where these predicted rows are found."""
+    photo, prediction = scene
+    hits = Hits(rows, rows, np.zeros(len(rows), np.float32), np.zeros(len(rows)))
+    return float(posterior([evidence(counted(prediction, hits, photo))])[0])
 
 
 def test_a_share_found_everywhere_speaks_for_the_pose(scene):
-    photo, prediction = scene
-    rows = np.arange(0, len(prediction), 4)
-    assert evidence(prediction, found(rows), photo) > 5
+    assert chance(scene, np.arange(0, len(scene[1]), 3)) > 0.98
 
 
 def test_nothing_found_speaks_against_it(scene):
-    photo, prediction = scene
-    assert evidence(prediction, found(np.arange(0)), photo) < -5
+    assert chance(scene, np.arange(0)) < 0.01
 
 
 def test_as_many_in_one_corner_speak_for_it_less_than_everywhere(scene):
-    photo, prediction = scene
+    prediction = scene[1]
     count = len(prediction) // 4
     corner = np.argsort(np.abs(prediction.px - [160, 120]).max(1))[:count]
-    spread = np.arange(0, 4 * count, 4)
-    in_corner = evidence(prediction, found(np.sort(corner)), photo)
-    assert in_corner < evidence(prediction, found(spread), photo) - 5
+    everywhere = np.arange(0, 4 * count, 4)
+    assert chance(scene, np.sort(corner)) < 0.7 < 0.95 < chance(scene, everywhere)
 
 
-def test_where_the_map_predicts_nothing_there_is_no_evidence(scene):
+def test_where_the_map_predicts_nothing_the_chances_are_even(scene):
+    """A pose that hides everything has nothing to show for it."""
     photo, prediction = scene
-    assert evidence(prediction[np.zeros(len(prediction), bool)], found(np.arange(0)), photo) == 0
+    none = Hits(np.arange(0), np.arange(0), np.zeros(0, np.float32), np.zeros(0))
+    nowhere = prediction[np.zeros(len(prediction), bool)]
+    found = evidence(counted(nowhere, none, photo))
+    assert found == NOTHING
+    assert posterior([found])[0] == pytest.approx(0.5)
 
 
-def test_the_odds_of_counts_add_up():
-    """Both are distributions over the count: with the binomial coefficient they sum to one."""
-    from math import comb, exp
-
-    from vnav.localisation.evidence import _log_beta_binomial
-
-    for shares in (LANDMARKS.right, LANDMARKS.wrong):
-        total = sum(comb(12, k) * exp(_log_beta_binomial(k, 12, *shares)) for k in range(13))
-        assert total == pytest.approx(1)
+def test_half_a_view_behind_something_unknown_leaves_a_pose_likely():
+    predicted = np.full(CELLS, 20)
+    found = np.where(np.arange(CELLS) % 2, 9, 0)
+    assert posterior([evidence(np.stack([found, predicted]))])[0] > 0.5
 
 
-def test_cells_cover_the_image(scene):
-    photo, _ = scene
-    assert photo.intrinsics.width % COLUMNS == 0
-    assert photo.intrinsics.height % ROWS == 0
+def test_two_places_that_show_the_same_share_the_chances():
+    same = evidence(np.stack([np.full(CELLS, 9), np.full(CELLS, 20)]))
+    np.testing.assert_allclose(posterior([same, same]), 0.5, atol=1e-3)
+
+
+def test_a_rival_of_which_half_is_missing_is_hardly_one():
+    predicted = np.full(CELLS, 20)
+    whole = evidence(np.stack([np.full(CELLS, 9), predicted]))
+    half = evidence(np.stack([np.where(np.arange(CELLS) % 2, 9, 0), predicted]))
+    assert posterior([whole, half])[0] > 0.98
+
+
+def test_the_chances_of_all_places_and_of_none_add_up():
+    places = [Evidence(3.0, 1.0, 0.5), Evidence(2.0, 1.5, 0.2)]
+    odds = [exp(3.0 - 1.0), exp(2.0 - 1.5), exp(0.5 - 1.0)]
+    np.testing.assert_allclose(posterior(places), np.array(odds[:2]) / sum(odds))
+    assert len(posterior([])) == 0
+
+
+def test_the_likelihoods_of_all_counts_add_up():
+    """Of one cell with five landmarks: with the binomial coefficient they sum to one."""
+    for kind in ("right", "rival", "elsewhere"):
+        total = sum(
+            comb(5, k) * exp(getattr(evidence(np.array([[k], [5]])), kind)) for k in range(6)
+        )
+        assert log(total) == pytest.approx(0, abs=1e-9)
+
+
+def test_every_pixel_lies_in_a_cell():
+    corners = np.array([[0, 0], [639.9, 0], [0, 479.9], [639.9, 479.9], [640.2, 480.0]])
+    last = COLUMNS * ROWS - 1
+    expected = [0, COLUMNS - 1, last - COLUMNS + 1, last, last]
+    assert cells_of(corners, (640, 480)).tolist() == expected

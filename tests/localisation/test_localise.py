@@ -147,6 +147,7 @@ def test_no_features_at_all_are_legal(world, photo_features):
 def test_an_empty_map_locates_nothing(world, photo_features):
     from vnav.config import IndexConfig, VocabularyConfig
     from vnav.core.mapping import Landmarks
+    from vnav.core.voxels import Voxels
     from vnav.localisation.atlas import Atlas
     from vnav.localisation.indexing import build
     from vnav.vocabulary import train
@@ -154,7 +155,8 @@ def test_an_empty_map_locates_nothing(world, photo_features):
     none = np.zeros(0, np.int32)
     landmarks = Landmarks(np.zeros((0, 3)), np.zeros(0), none, none, none)
     tree = train(np.zeros((0, 128), np.uint8), VocabularyConfig(), 0)
-    index = build(landmarks, [], tree, IndexConfig(), np.random.default_rng(0))
+    nothing = Voxels.filled(np.zeros((0, 3)), np.zeros(0), 0.05)
+    index = build(landmarks, [], tree, nothing, IndexConfig(), np.random.default_rng(0))
     atlas = Atlas(index, tree)
     photo = prepare(photo_features[1], world.camera, 0.0, tree)
     result = localise(Query(photo, atlas, CONFIG), np.random.default_rng(0))

@@ -11,11 +11,13 @@ from vnav.io.index_file import load_index
 from vnav.io.map_folder import MapFolder
 from vnav.io.tree_file import load_tree
 from vnav.stages import index, vocabulary
+from vnav.volumes.octree import Octree
 
 
 @pytest.fixture
-def folder(tmp_path: Path, tiny_map: Path) -> MapFolder:
-    shutil.copytree(tiny_map, tmp_path / "map")
+def folder(tmp_path: Path, whole_map: Path) -> MapFolder:
+    """All but the index."""
+    shutil.copytree(whole_map, tmp_path / "map", ignore=shutil.ignore_patterns("index"))
     return MapFolder(tmp_path / "map")
 
 
@@ -26,6 +28,15 @@ def test_every_landmark_of_the_map_is_indexed(folder: MapFolder) -> None:
     np.testing.assert_array_equal(found.points_world, landmarks.points_world)
     assert report.values["landmarks"] == len(landmarks)
     assert report.values["descriptors"] == len(found.descriptors) >= len(landmarks)
+
+
+def test_what_is_occupied_stands_in_the_way(folder: MapFolder) -> None:
+    index.run(folder, Config())
+    leaves = Octree.read(folder.stage("fuse") / "occupancy.bt").leaves()
+    voxels = load_index(folder).voxels
+    np.testing.assert_array_equal(voxels.stands_at(leaves.centres_world), leaves.occupied)
+    outside = leaves.centres_world.max(0) + 1
+    assert not voxels.stands_at(outside)
 
 
 def test_an_index_that_is_up_to_date_is_kept(folder: MapFolder) -> None:

@@ -13,16 +13,15 @@ from vnav.errors import PhotoError
 from vnav.io.artifacts import load_optimised
 from vnav.io.map_folder import MapFolder
 from vnav.io.trajectories import read_tum
-from vnav.stages import index, overlay
+from vnav.stages import inset, overlay
 from vnav.stages.answer import CSV_HEADER, Unreadable, summary, write_csv
 from vnav.stages.locate import Locator, locate, remember, scaled_down
 
 
 @pytest.fixture(scope="module")
-def folder(tmp_path_factory: pytest.TempPathFactory, tiny_map: Path) -> MapFolder:
-    root = tmp_path_factory.mktemp("maps") / "indexed"
-    shutil.copytree(tiny_map, root)
-    index.run(MapFolder(root), Config())
+def folder(tmp_path_factory: pytest.TempPathFactory, whole_map: Path) -> MapFolder:
+    root = tmp_path_factory.mktemp("maps") / "whole"
+    shutil.copytree(whole_map, root)
     return MapFolder(root)
 
 
@@ -100,7 +99,7 @@ def test_json_has_the_fields_that_the_design_names(locator: Locator, photos: lis
         *("intrinsics", "intrinsics_source", "features", "matches", "inliers"),
         *("sigma_position_m", "sigma_rotation_deg", "confidence", "hypotheses", "seconds"),
     ]
-    assert value["confidence"] is None
+    assert Config().locate.min_confidence <= value["confidence"] <= 1
     assert value["hypotheses"][0]["T_world_camera"] == value["T_world_camera"]
     T = np.array(value["T_world_camera"])
     np.testing.assert_allclose(se3.rotation_from_quat(value["quaternion_xyzw"]), T[:3, :3])
@@ -187,14 +186,40 @@ def test_the_table_has_a_line_for_each_photo(
     assert bad.startswith('x.jpg,False,"expected, found",')
 
 
-def test_the_overlay_has_the_photos_size(
+def test_the_overlay_shows_the_photo_and_the_map_beside_it(
     locator: Locator, photos: list[Path], tmp_path: Path
 ) -> None:
     answer = locator.locate(photos[0])
     overlay.draw(answer, locator.atlas, tmp_path / "new" / "overlay.png")
     drawn, photo = cv2.imread(str(tmp_path / "new" / "overlay.png")), cv2.imread(str(photos[0]))
-    assert drawn.shape == photo.shape
-    assert (drawn != photo).any()
+    height, width = photo.shape[:2]
+    assert len(drawn) == height
+    assert drawn.shape[1] > width
+    assert (drawn[:, :width] != photo).any()
+    assert (drawn[:, width:] == inset.GREEN).all(2).any()
+
+
+def test_the_camera_is_drawn_where_it_stands_in_the_map(
+    locator: Locator, photos: list[Path]
+) -> None:
+    """A dot as far from the map's corner as the camera is, to the pixel."""
+    answer, voxels = locator.locate(photos[0]), locator.atlas.index.voxels
+    drawn = inset.Inset(voxels, 1000)
+    assert answer.best is not None
+    drawn.draw(answer.best, (0, 0, 255))
+    low = voxels.origin[:2] - inset.MARGIN_M
+    high = voxels.origin[:2] + voxels.edge_m * np.array(voxels.solid.shape[:2]) + inset.MARGIN_M
+    share = (answer.best.view.centre_world[:2] - low) / (high - low)
+    height, width = drawn.image.shape[:2]
+    x, y = round(share[0] * width), round((1 - share[1]) * height)
+    assert (drawn.image[y - 2 : y + 3, x - 2 : x + 3] == (0, 0, 255)).all(2).sum() > 12
+
+
+def test_the_overlay_of_an_unknown_place_is_drawn_as_well(locator: Locator, tmp_path: Path) -> None:
+    noise = np.random.default_rng(0).integers(0, 256, (480, 640, 3)).astype(np.uint8)
+    cv2.imwrite(str(tmp_path / "noise.png"), noise)
+    overlay.draw(locator.locate(tmp_path / "noise.png"), locator.atlas, tmp_path / "o.png")
+    assert (cv2.imread(str(tmp_path / "o.png")) == inset.RED).all(2).any()
 
 
 def test_large_photos_are_scaled_down_and_small_ones_left() -> None:

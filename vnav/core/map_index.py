@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vnav.core.arrays import frozen
+from vnav.core.voxels import Voxels
 
 
 @dataclass(frozen=True)
@@ -36,6 +37,9 @@ class MapIndex:
         (K, K) bool: keyframes that look at the same part of the place; each is beside itself.
     T_world_keyframe, keyframe_covariance
         (K, 4, 4) and (K, 6, 6) float64.
+    solid, solid_origin, solid_m
+        (X, Y, Z) bool, (3,) and (1,) float64: voxels in which something stands, the outer corner
+        of the first, and their edge in metres.
     stranger
         (1,) float32: descriptor distance at which a landmark typically has its nearest landmark
         elsewhere in the map; stands in for a second-nearest that a word does not hold.
@@ -56,6 +60,9 @@ class MapIndex:
     beside: NDArray[np.bool_]
     T_world_keyframe: NDArray[np.float64]
     keyframe_covariance: NDArray[np.float64]
+    solid: NDArray[np.bool_]
+    solid_origin: NDArray[np.float64]
+    solid_m: NDArray[np.float64]
     stranger: NDArray[np.float32]
 
     def __post_init__(self) -> None:
@@ -77,6 +84,9 @@ class MapIndex:
             "beside": (np.bool_, (keyframes, keyframes)),
             "T_world_keyframe": (np.float64, (keyframes, 4, 4)),
             "keyframe_covariance": (np.float64, (keyframes, 6, 6)),
+            "solid": (np.bool_, (None, None, None)),
+            "solid_origin": (np.float64, (3,)),
+            "solid_m": (np.float64, (1,)),
             "stranger": (np.float32, (1,)),
         }
         for name, (dtype, shape) in shapes.items():
@@ -98,6 +108,11 @@ class MapIndex:
         """Every sighting of the given landmarks (N,): position in the argument, and keyframe."""
         position, row = rows_of(self.seen_start, landmarks)
         return position, self.seen_by[row]
+
+    @property
+    def voxels(self) -> Voxels:
+        """Where something stands."""
+        return Voxels(self.solid, self.solid_origin, float(self.solid_m[0]))
 
     def landmarks_of(self, keyframes: NDArray[np.intp]) -> NDArray[np.int32]:
         """Landmarks that any of the keyframes saw, ascending."""

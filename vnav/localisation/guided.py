@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from vnav.core.map_index import MapIndex
 from vnav.localisation.atlas import Atlas
+from vnav.localisation.hidden import hidden
 from vnav.localisation.matches import Matches
 from vnav.localisation.photo import Photo
 from vnav.localisation.view import View
@@ -68,17 +69,18 @@ class Hits:
 def predict(view: View, atlas: Atlas) -> Prediction:
     """What the view should see: in the image, and seen by a keyframe from a like viewpoint.
 
-    Where the map knows very much, an even selection of it.
+    Not what stands behind something else. Where the map knows very much, an even selection.
     """
     index = atlas.index
     rows = atlas.rows_of(index.landmarks_of(keyframes_around(view, index)))
     rows = rows[:: 1 + len(rows) // MAX_ROWS]
     rows = rows[_inside(view, index.points_world[index.owner[rows]])]
     which, keyframe = index.keyframes_of(index.owner[rows])
-    points = index.points_world[index.owner[rows]][which]
-    alike = _alike(view, points, index.T_world_keyframe[keyframe, :3, 3])
-    rows = rows[np.bincount(which[alike], minlength=len(rows)) > 0]
-    return reprojected(rows, view, atlas)
+    points = index.points_world[index.owner[rows]]
+    alike = _alike(view, points[which], index.T_world_keyframe[keyframe, :3, 3])
+    seen = np.bincount(which[alike], minlength=len(rows)) > 0
+    rows, points = rows[seen], points[seen]
+    return reprojected(rows[~hidden(view, points, index.voxels)], view, atlas)
 
 
 def reprojected(rows: Rows, view: View, atlas: Atlas) -> Prediction:

@@ -1,11 +1,12 @@
 """Poses that may be right: found in places that match, verified by what the map predicts there."""
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
-from vnav.localisation.evidence import evidence
+from vnav.localisation.evidence import Evidence, counted, evidence
 from vnav.localisation.guided import hits, matched, predict, reprojected
 from vnav.localisation.matches import Matches
 from vnav.localisation.places import places
@@ -26,14 +27,23 @@ class Hypothesis:
     """A pose that may be right: what agrees with it, and how strongly (see `evidence`).
 
     ``covariance`` (6, 6), or (7, 7) with the log focal length, of ``T_world_camera``'s tangent;
-    ``predicted``: how many descriptors the map says should be seen.
+    ``cells`` (2, C): landmarks found and predicted in each cell of the image.
     """
 
     view: View
     covariance: NDArray[np.float64]
     matches: Matches
-    predicted: int
-    evidence: float
+    cells: NDArray[np.intp]
+
+    @cached_property
+    def evidence(self) -> Evidence:
+        """How much speaks for the pose."""
+        return evidence(self.cells)
+
+    @property
+    def strength(self) -> float:
+        """How much (nats) it speaks for the pose rather than for a rival."""
+        return self.evidence.right - self.evidence.rival
 
     @property
     def inliers(self) -> int:
@@ -63,7 +73,7 @@ def pursue(
             views.append(consensus.view)
             most = max(most, consensus.size)
     verified = [_verified(c.view, query) for c in agreed if c.size >= _least(most)]
-    return sorted([*known, *(h for h in verified if h)], key=lambda h: -h.evidence)
+    return sorted([*known, *(h for h in verified if h)], key=lambda h: -h.strength)
 
 
 def _least(most: int) -> int:
@@ -94,5 +104,5 @@ def _verified(view: View, query: Query) -> Hypothesis | None:
     if len(matches) < least:
         return None
     refined = refine(view, query.sightings(matches, view), photo.lens)
-    strength = evidence(prediction, found, photo)
-    return Hypothesis(refined.view, refined.covariance, matches, len(prediction), strength)
+    cells = counted(prediction, found, photo)
+    return Hypothesis(refined.view, refined.covariance, matches, cells)

@@ -11,6 +11,7 @@ from vnav.core.camera import Intrinsics
 from vnav.core.map_index import MapIndex, spans_of
 from vnav.core.mapping import Keyframe, Landmarks
 from vnav.core.tree import VocabularyTree
+from vnav.core.voxels import Voxels
 from vnav.localisation.words import half_norms
 
 Array = NDArray[np.float64]
@@ -34,12 +35,14 @@ def build(
     landmarks: Landmarks,
     keyframes: Sequence[MappedKeyframe],
     tree: VocabularyTree,
+    voxels: Voxels,
     config: IndexConfig,
     rng: np.random.Generator,
 ) -> MapIndex:
     """The index of a map; without landmarks it finds nothing, but is legal.
 
-    ``rng`` draws the sample for the map's own statistics.
+    ``voxels``: what stands in the way of looks; ``rng`` draws the sample for the map's own
+    statistics.
     """
     descriptors, patches = _observed(landmarks, keyframes)
     means, owner, patch_world = _means(landmarks.landmark, descriptors, patches, tree)
@@ -65,6 +68,9 @@ def build(
         beside=beside,
         T_world_keyframe=np.array([k.T_world_camera for k in keyframes]).reshape(-1, 4, 4),
         keyframe_covariance=np.array([k.covariance for k in keyframes]).reshape(-1, 6, 6),
+        solid=voxels.solid,
+        solid_origin=voxels.origin,
+        solid_m=np.array([voxels.edge_m]),
         stranger=_stranger(means, landmarks.points_world[owner], home[owner], beside, rng),
     )
 

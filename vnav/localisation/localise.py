@@ -4,26 +4,32 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from vnav.config import LocateConfig
 from vnav.core import se3
 from vnav.core.frame import Rejected
+from vnav.localisation.evidence import posterior
 from vnav.localisation.hypotheses import Hypothesis, pursue
 from vnav.localisation.places import fullest
 from vnav.localisation.query import Query
 from vnav.localisation.refine import Lens, refine
 from vnav.localisation.search import alike, seeds
+from vnav.localisation.uncertainty import Sigmas, sigmas
 from vnav.localisation.view import View
 
-SAME_PLACE_M, SAME_PLACE_RAD = 0.25, np.deg2rad(10.0)
+NEAR_M, NEAR_RAD = 0.25, np.deg2rad(10.0)  # what counts as the same place
 
 
 @dataclass(frozen=True)
 class Located:
-    """The answer, every hypothesis with the answer first, and the matches the search had found."""
+    """The answer, every hypothesis with the answer first, and the matches the search had found.
+
+    ``confidence``: probability that the pose is within 25 cm and 10 degrees.
+    """
 
     best: Hypothesis
     hypotheses: tuple[Hypothesis, ...]
     matches: int
+    sigmas: Sigmas
+    confidence: float
 
     @property
     def inliers(self) -> int:
@@ -49,14 +55,14 @@ def localise(query: Query, rng: np.random.Generator) -> Located | NotLocated:
         return NotLocated("too few features")
     found = seeds(query)
     hypotheses = pursue(found, [], query, rng)
-    if hypotheses and hypotheses[0].evidence >= config.min_evidence:
+    if hypotheses and posterior([hypotheses[0].evidence])[0] >= config.min_confidence:
         again = alike(hypotheses[0].matches.feature, query)
     else:
         again = found = alike(np.arange(len(features)), query)
     hypotheses = pursue(again, hypotheses, query, rng)
     if not hypotheses and fullest(found, query.atlas.index) < config.min_inliers:
         return NotLocated("too few matches", len(found))
-    return _verdict(hypotheses, len(found), config)
+    return _verdict(hypotheses, len(found), query)
 
 
 def own_focal(hypothesis: Hypothesis, query: Query) -> tuple[float, float]:
@@ -70,18 +76,20 @@ def own_focal(hypothesis: Hypothesis, query: Query) -> tuple[float, float]:
     return free.view.intrinsics.fx / view.intrinsics.fx, float(np.sqrt(free.covariance[6, 6]))
 
 
-def _verdict(
-    hypotheses: list[Hypothesis], matches: int, config: LocateConfig
-) -> Located | NotLocated:
-    """The strongest hypothesis, if it is strong enough and no other place comes near it."""
+def _verdict(hypotheses: list[Hypothesis], matches: int, query: Query) -> Located | NotLocated:
+    """The best hypothesis, if the photo was taken there as good as surely, and where exactly."""
     places = _apart(hypotheses)
-    if not places or places[0].evidence < config.min_evidence:
-        inliers = max((h.inliers for h in places), default=0)
+    chances = posterior([place.evidence for place in places])
+    inliers, wanted = places[0].inliers if places else 0, query.config.min_confidence
+    if chances.sum() < wanted:
         return NotLocated("no consistent pose", matches, inliers, places)
-    best = places[0]
-    if len(places) > 1 and best.evidence - places[1].evidence < config.min_margin:
-        return NotLocated("ambiguous", matches, best.inliers, places)
-    return Located(best, places, matches)
+    if chances[0] < wanted:
+        return NotLocated("ambiguous", matches, inliers, places)
+    error = sigmas(places[0], query.atlas.index)
+    confidence = float(chances[0]) * error.within(NEAR_M, NEAR_RAD)
+    if confidence < wanted:
+        return NotLocated(f"the pose is too uncertain: {error}", matches, inliers, places)
+    return Located(places[0], places, matches, error, confidence)
 
 
 def _apart(hypotheses: list[Hypothesis]) -> tuple[Hypothesis, ...]:
@@ -95,5 +103,5 @@ def _apart(hypotheses: list[Hypothesis]) -> tuple[Hypothesis, ...]:
 
 def _same_place(a: View, b: View) -> bool:
     T = se3.inverse(a.T_world_camera) @ b.T_world_camera
-    near = np.linalg.norm(T[:3, 3]) < SAME_PLACE_M
-    return bool(near and se3.rotation_angle(T) < SAME_PLACE_RAD)
+    near = np.linalg.norm(T[:3, 3]) < NEAR_M
+    return bool(near and se3.rotation_angle(T) < NEAR_RAD)

@@ -1,5 +1,6 @@
 """How far off an answer may be."""
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,13 +16,28 @@ Array = NDArray[np.float64]
 class Sigmas:
     """Standard deviations of a pose and focal length.
 
-    ``position_m`` (3,): along the world's axes; ``rotation_rad`` (3,): about the camera's axes;
-    ``focal``: relative, 0 where the focal length was given.
+    ``position_covariance`` (3, 3) in square metres, along the world's axes; ``rotation_rad`` (3,):
+    about the camera's axes; ``focal``: relative, 0 where the focal length was given.
     """
 
-    position_m: Array
+    position_covariance: Array
     rotation_rad: Array
     focal: float
+
+    @property
+    def position_m(self) -> Array:
+        """Along the world's axes (3,)."""
+        return np.asarray(np.sqrt(np.diag(self.position_covariance)))
+
+    def within(self, distance_m: float, angle_rad: float) -> float:
+        """Probability that position and rotation are no farther off than that."""
+        return _within(distance_m, self.position_m) * _within(angle_rad, self.rotation_rad)
+
+    def __str__(self) -> str:
+        off_m, off_deg = (
+            np.linalg.norm(s) for s in (self.position_m, np.rad2deg(self.rotation_rad))
+        )
+        return f"give or take {100 * off_m:.1f} cm and {off_deg:.2f} deg"
 
 
 def sigmas(hypothesis: Hypothesis, index: MapIndex) -> Sigmas:
@@ -42,4 +58,10 @@ def sigmas(hypothesis: Hypothesis, index: MapIndex) -> Sigmas:
         position = position + R_world_keyframe @ of_map[3:, 3:] @ R_world_keyframe.T
         rotation = rotation + R_camera_keyframe @ of_map[:3, :3] @ R_camera_keyframe.T
     focal = hypothesis.covariance[6, 6] if len(hypothesis.covariance) > 6 else 0.0
-    return Sigmas(np.sqrt(np.diag(position)), np.sqrt(np.diag(rotation)), float(np.sqrt(focal)))
+    return Sigmas(position, np.sqrt(np.diag(rotation)), float(np.sqrt(focal)))
+
+
+def _within(radius: float, sigma: Array) -> float:
+    """Probability that a normal vector of three is shorter, were it the same in all directions."""
+    r = radius / max(float(np.sqrt((sigma**2).mean())), 1e-12)
+    return math.erf(r / math.sqrt(2)) - math.sqrt(2 / math.pi) * r * math.exp(-r * r / 2)

@@ -30,14 +30,13 @@ class Answer:
     """A photo and where it was taken, or the reason why that is not known.
 
     ``photo`` is what was searched: features and intrinsics of the scaled and undistorted image;
-    ``camera`` belongs to the file; ``sigmas`` None where the photo was not located.
+    ``camera`` belongs to the file.
     """
 
     path: Path
     photo: Photo
     camera: PhotoCamera
     result: Located | NotLocated
-    sigmas: Sigmas | None
     reason: str
     warnings: tuple[str, ...]
     seconds: dict[str, float]
@@ -46,6 +45,16 @@ class Answer:
     def best(self) -> Hypothesis | None:
         """The pose that is given, if one is."""
         return self.result.best if isinstance(self.result, Located) else None
+
+    @property
+    def sigmas(self) -> Sigmas | None:
+        """How far off the pose may be, if one is given."""
+        return self.result.sigmas if isinstance(self.result, Located) else None
+
+    @property
+    def confidence(self) -> float | None:
+        """Probability that the pose is within 25 cm and 10 degrees, if one is given."""
+        return self.result.confidence if isinstance(self.result, Located) else None
 
     def as_dict(self) -> dict[str, Any]:
         """Plain values for JSON; null for what is not known."""
@@ -62,9 +71,9 @@ class Answer:
             "inliers": self.result.inliers,
             "sigma_position_m": sigmas.position_m.tolist() if sigmas else None,
             "sigma_rotation_deg": np.rad2deg(sigmas.rotation_rad).tolist() if sigmas else None,
-            "confidence": None,
+            "confidence": self.confidence,
             "hypotheses": [
-                _pose(h.view) | {"inliers": h.inliers, "evidence": round(h.evidence, 2)}
+                _pose(h.view) | {"inliers": h.inliers, "evidence": round(h.strength, 2)}
                 for h in self.result.hypotheses
             ],
             "seconds": self.seconds,
@@ -104,9 +113,7 @@ def summary(answer: Answer | Unreadable) -> str:
     heading_deg = np.rad2deg(np.arctan2(forward[1], forward[0]))
     return (
         f"{answer.path}: at {x:.3f} {y:.3f} {z:.3f} m, heading {heading_deg:.0f} deg,"
-        f" give or take {100 * np.linalg.norm(sigmas.position_m):.1f} cm and"
-        f" {np.rad2deg(np.linalg.norm(sigmas.rotation_rad)):.2f} deg;"
-        f" {best.inliers} inliers, camera {answer.camera.source}"
+        f" {sigmas}; {best.inliers} inliers, camera {answer.camera.source}"
     )
 
 

@@ -6,12 +6,14 @@ from vnav.config import Config
 from vnav.core.mapping import Odometry, OptimisedMap
 from vnav.core.progress import Progress, silent
 from vnav.core.report import Report
+from vnav.core.voxels import Voxels
 from vnav.io.artifacts import load_odometry, load_optimised, map_camera
 from vnav.io.index_file import write_index
 from vnav.io.map_folder import MapFolder
 from vnav.io.tree_file import load_tree
 from vnav.localisation.indexing import MappedKeyframe, build
 from vnav.stages.common import clock, finished, reused, settings_of
+from vnav.volumes.octree import Octree
 
 STAGE = "index"
 
@@ -20,7 +22,7 @@ def run(folder: MapFolder, config: Config, *, progress: Progress = silent) -> Re
     """Index the map's landmarks by the words of their descriptors; writes index/index.npz."""
     started = clock()
     settings = settings_of(config, STAGE)
-    inputs = folder.inputs_of("odometry", "vocabulary", "optimise")
+    inputs = folder.inputs_of("odometry", "vocabulary", "optimise", "fuse")
     if folder.is_current(STAGE, settings, inputs):
         return reused(folder, STAGE)
     odometry, optimised, tree = load_odometry(folder), load_optimised(folder), load_tree(folder)
@@ -28,7 +30,7 @@ def run(folder: MapFolder, config: Config, *, progress: Progress = silent) -> Re
 
     progress(STAGE, 0, 1)
     rng = np.random.default_rng([config.seed, 3])
-    index = build(optimised.landmarks, keyframes, tree, config.index, rng)
+    index = build(optimised.landmarks, keyframes, tree, _voxels(folder), config.index, rng)
     progress(STAGE, 1, 1)
 
     with folder.writing(STAGE, settings, inputs) as draft:
@@ -37,6 +39,13 @@ def run(folder: MapFolder, config: Config, *, progress: Progress = silent) -> Re
     values = {"landmarks": len(index.points_world), "descriptors": len(index.descriptors)}
     line = f"{values['landmarks']} landmarks under {values['descriptors']} descriptors"
     return finished(folder, Report(STAGE, values, (line,)), started)
+
+
+def _voxels(folder: MapFolder) -> Voxels:
+    octree = Octree.read(folder.stage("fuse") / "occupancy.bt")
+    leaves = octree.leaves()
+    solid = leaves.occupied
+    return Voxels.filled(leaves.centres_world[solid], leaves.size_m[solid], octree.resolution_m)
 
 
 def _mapped(folder: MapFolder, odometry: Odometry, optimised: OptimisedMap) -> list[MappedKeyframe]:

@@ -25,7 +25,6 @@ from vnav.localisation.atlas import Atlas
 from vnav.localisation.localise import Located, NotLocated, localise, own_focal
 from vnav.localisation.photo import prepare
 from vnav.localisation.query import Query
-from vnav.localisation.uncertainty import sigmas
 from vnav.stages.answer import Answer, Unreadable
 from vnav.stages.capture_quality import BLURRED, DARK, blur
 
@@ -119,10 +118,9 @@ def _answer(
 ) -> Answer:
     if isinstance(result, NotLocated):
         reason = result.reason + _flaw(image)
-        return Answer(path, query.photo, camera, result, None, reason, (), seconds)
+        return Answer(path, query.photo, camera, result, reason, (), seconds)
     warnings = _doubts(path, result, query) if camera.source == "assumed" else ()
-    sigma = sigmas(result.best, query.atlas.index)
-    return Answer(path, query.photo, camera, result, sigma, "", warnings, seconds)
+    return Answer(path, query.photo, camera, result, "", warnings, seconds)
 
 
 def _flaw(image: NDArray[np.uint8]) -> str:

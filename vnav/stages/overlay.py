@@ -1,4 +1,4 @@
-"""A photo with what was found in it drawn over it."""
+"""A photo with what was found in it drawn over it, and the map from above beside it."""
 
 from pathlib import Path
 
@@ -6,20 +6,25 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from vnav.core.voxels import Voxels
 from vnav.errors import VnavError
 from vnav.io.photos import read_photo
 from vnav.localisation.atlas import Atlas
 from vnav.localisation.guided import predict
 from vnav.localisation.hypotheses import Hypothesis
 from vnav.stages.answer import Answer, summary
+from vnav.stages.inset import GREEN, RED, Inset
 
-GREEN, YELLOW, BLUE, RED = (40, 200, 60), (0, 220, 255), (255, 150, 60), (60, 60, 230)  # BGR
+YELLOW, BLUE = (0, 220, 255), (255, 150, 60)  # BGR
+MOST_PLACES = 8  # drawn of a photo that was not located
 
 
 def draw(answer: Answer, atlas: Atlas, path: Path) -> None:
     """Write a picture: blue what the map predicts, green the inliers, yellow how far they are off.
 
-    A photo that was not located shows its features in red. VnavError where it cannot be written.
+    Beside it the map from above: the camera in green, with its uncertainty. A photo that was not
+    located shows its features, and the places it may have been taken at, in red. VnavError where
+    the picture cannot be written.
     """
     canvas = _seen(answer)
     if answer.best is not None:
@@ -27,6 +32,7 @@ def draw(answer: Answer, atlas: Atlas, path: Path) -> None:
     else:
         for x, y in answer.photo.features.keypoints_px:
             cv2.circle(canvas, (round(x), round(y)), 2, RED, -1, cv2.LINE_AA)
+    canvas = _beside(canvas, answer, atlas.index.voxels)
     _draw_title(canvas, summary(answer).removeprefix(f"{answer.path}: "))
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -57,6 +63,20 @@ def _draw_pose(canvas: NDArray[np.uint8], answer: Answer, best: Hypothesis, atla
         place = round(feature[0]), round(feature[1])
         cv2.line(canvas, place, (round(landmark[0]), round(landmark[1])), YELLOW, 1, cv2.LINE_AA)
         cv2.circle(canvas, place, 3, GREEN, 1, cv2.LINE_AA)
+
+
+def _beside(canvas: NDArray[np.uint8], answer: Answer, voxels: Voxels) -> NDArray[np.uint8]:
+    """The photo and, where the map knows of anything that stands, the map (H, W + map, 3)."""
+    if not voxels.solid.any():
+        return canvas
+    inset = Inset(voxels, len(canvas))
+    if answer.best is not None and answer.sigmas is not None:
+        inset.draw_uncertainty(answer.best, answer.sigmas)
+        inset.draw(answer.best, GREEN)
+    else:
+        for hypothesis in answer.result.hypotheses[:MOST_PLACES]:
+            inset.draw(hypothesis, RED)
+    return np.concatenate([canvas, inset.image], 1)
 
 
 def _draw_title(canvas: NDArray[np.uint8], text: str) -> None:

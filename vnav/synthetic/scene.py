@@ -25,7 +25,8 @@ class Box:
     """A box that stands upright, turned about z; in its own frame it faces along +x.
 
     ``centre`` and ``size`` in metres, size in the box's own frame; ``front`` is the material of
-    the face it faces with, the same as the others if empty.
+    the face it faces with, the same as the others if empty. Boxes with the same ``twin``, not
+    empty, look the same in every detail.
     """
 
     centre: tuple[float, float, float]
@@ -33,6 +34,7 @@ class Box:
     yaw_rad: float
     material: str
     front: str = ""
+    twin: str = ""
 
     @property
     def R_world_box(self) -> NDArray[np.float64]:
@@ -44,7 +46,8 @@ class Box:
 class Face:
     """One face of a box: U points right, V down for who looks at it; ``normal`` at them.
 
-    ``piece`` is the number of the piece of furniture it belongs to.
+    ``piece`` is the number of the piece of furniture it belongs to; ``twin`` names its look, where
+    it shares that with faces of other boxes.
     """
 
     corner: NDArray[np.float64]
@@ -53,6 +56,7 @@ class Face:
     normal: NDArray[np.float64]
     material: str
     piece: int
+    twin: str
 
     @property
     def size_m(self) -> tuple[float, float]:
@@ -74,7 +78,7 @@ class Scene:
         (N, 3) x, y in metres and yaw in radians (0 along +x, not wrapped) of a closed walk; the
         first row follows on the last.
     seed
-        Of the textures; each face has its own pattern, also among equal boxes.
+        Of the textures; each face has its own pattern, also among equal boxes, unless twins.
     """
 
     pieces: tuple[tuple[Box, ...], ...]
@@ -145,8 +149,11 @@ class Scene:
 
     def _texture(self, index: int) -> NDArray[np.uint8]:
         face = self.faces[index]
-        colors = np.random.default_rng([self.seed, 0, face.piece])
-        rng = np.random.default_rng([self.seed, 1, index])
+        look = face.twin.encode()
+        colors = np.random.default_rng(
+            [self.seed, 2, *look] if look else [self.seed, 0, face.piece]
+        )
+        rng = np.random.default_rng([self.seed, 3, *look] if look else [self.seed, 1, index])
         texel_m = TEXEL_M if face.size_m[0] * face.size_m[1] > 1 else SMALL_TEXEL_M
         image = texture(face.material, face.size_m, texel_m, colors, rng)
         light = 0.80 + 0.20 * float(face.normal @ LIGHT)
@@ -157,7 +164,7 @@ def faces_of(box: Box, piece: int) -> list[Face]:
     """The six faces of a box of that piece."""
     faces = []
     half = np.array(box.size) / 2
-    for outward in FACES:
+    for side, outward in enumerate(FACES):
         up = np.array([0.0, 0, 1]) if outward[2] == 0 else np.array([0.0, 1, 0])
         right = np.cross(up, outward)
         corner = half * (outward - right + up)
@@ -165,7 +172,8 @@ def faces_of(box: Box, piece: int) -> list[Face]:
         R = box.R_world_box
         material = box.front if outward[0] == 1 and box.front else box.material
         axes = (box.centre + R @ corner, R @ u_edge, R @ v_edge, R @ outward)
-        faces.append(Face(*axes, material, piece))
+        twin = f"{box.twin} {side}" if box.twin else ""
+        faces.append(Face(*axes, material, piece, twin))
     return faces
 
 
@@ -185,3 +193,16 @@ def placed(boxes: Iterable[Box], x: float, y: float, yaw_deg: float) -> tuple[Bo
         )
         for box in boxes
     )
+
+
+def twins(name: str, pieces: Iterable[Iterable[Box]]) -> list[tuple[Box, ...]]:
+    """The pieces as twins of all that are made with the same name, from the same boxes in order."""
+    return [
+        tuple(replace(box, twin=f"{name} {k} {n}") for n, box in enumerate(piece))
+        for k, piece in enumerate(pieces)
+    ]
+
+
+def closed_tour(*stops: tuple[float, float, float]) -> tuple[tuple[float, float, float], ...]:
+    """A scene's tour from x, y in metres and yaw in degrees."""
+    return tuple((x, y, float(np.deg2rad(yaw_deg))) for x, y, yaw_deg in stops)

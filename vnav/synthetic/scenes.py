@@ -1,4 +1,4 @@
-"""The scenes: an apartment of three rooms, and a single room for quick tests."""
+"""The scenes: an apartment, a single room for quick tests, and those that repeat themselves."""
 
 from collections.abc import Callable
 
@@ -17,7 +17,8 @@ from vnav.synthetic.furniture import (
     table,
     wall,
 )
-from vnav.synthetic.scene import Box, Scene, placed
+from vnav.synthetic.repeating import shop, twin_rooms
+from vnav.synthetic.scene import Box, Scene, closed_tour, placed
 
 Piece = tuple[Box, ...]
 EDGE = 0.05  # half a wall
@@ -37,7 +38,7 @@ def apartment(seed: int) -> Scene:
         *_kitchen(),
         *_bedroom(),
     ]
-    tour = _tour(
+    tour = closed_tour(
         (1.7, 1.6, 25),
         (3.3, 1.7, 0),
         (4.8, 1.6, 5),
@@ -78,14 +79,15 @@ def one_room(seed: int) -> Scene:
     circle = [
         (2.5 + 0.95 * np.cos(a), 2.2 + 0.85 * np.sin(a), float(np.rad2deg(a)) + 170) for a in angles
     ]
-    return Scene(tuple(pieces), (0, 0, x1, y1, HEIGHT_M), _tour(*circle), seed)
+    return Scene(tuple(pieces), (0, 0, x1, y1, HEIGHT_M), closed_tour(*circle), seed)
 
 
-SCENES: dict[str, Callable[[int], Scene]] = {"apartment": apartment, "one_room": one_room}
-
-
-def _tour(*stops: tuple[float, float, float]) -> tuple[tuple[float, float, float], ...]:
-    return tuple((x, y, float(np.deg2rad(yaw_deg))) for x, y, yaw_deg in stops)
+SCENES: dict[str, Callable[[int], Scene]] = {
+    "apartment": apartment,
+    "one_room": one_room,
+    "twin_rooms": twin_rooms,
+    "shop": shop,
+}
 
 
 def _outer_walls(x1: float, y1: float) -> list[Piece]:
