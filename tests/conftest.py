@@ -186,9 +186,9 @@ def importable(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
         yield folder
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="module")
 def cluster(importable: Path) -> Iterator[Any]:
-    """A Dask cluster on this machine: two workers of one thread each."""
+    """A Dask cluster on this machine: two workers of one thread each; a test may kill one."""
     distributed = pytest.importorskip("distributed")
     with distributed.LocalCluster(
         n_workers=2, threads_per_worker=1, dashboard_address=None, silence_logs=50

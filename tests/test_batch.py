@@ -70,7 +70,7 @@ def results(
 
 def appeared(folder: Path, pattern: str, count: int) -> list[Path]:
     """Files of a name, waited for."""
-    deadline = time.monotonic() + 30
+    deadline = time.monotonic() + 120
     while len(files := list(folder.glob(pattern))) < count:
         assert time.monotonic() < deadline, f"no {pattern}"
         time.sleep(0.02)
@@ -182,9 +182,11 @@ def kill_one_when_both_work(cluster: Any, folder: Path, found: Iterator[Any]) ->
     from threading import Thread
 
     def kill() -> None:
-        appeared(folder, "*.at_work", 2)
-        os.kill(cluster.workers[0].pid, signal.SIGKILL)
-        (folder / "go").touch()
+        try:
+            appeared(folder, "*.at_work", 2)
+            os.kill(cluster.workers[0].pid, signal.SIGKILL)
+        finally:
+            (folder / "go").touch()
 
     killer = Thread(target=kill)
     killer.start()
