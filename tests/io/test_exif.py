@@ -70,3 +70,13 @@ def test_no_exif_and_damaged_exif_tell_nothing(tmp_path: Path, content: bytes) -
     path = tmp_path / "photo"
     path.write_bytes(content)
     assert read_exif(path).tags == {}
+
+
+def test_the_exif_of_heic_is_read_alike(tmp_path: Path) -> None:
+    """There it is an item of the file, which begins like that of a JPEG."""
+    jpeg = jpeg_with("<", [], [(0xA405, SHORT, (26,))])
+    tiff = jpeg[jpeg.index(b"Exif\0\0") :]
+    path = tmp_path / "photo.heic"
+    path.write_bytes(b"\0\0\0\x18ftypheic\0\0\0\0mif1heic" + b"\0\0\0\x06" + tiff)
+    diagonal = (4000**2 + 3000**2) ** 0.5
+    assert read_exif(path).focal_px(4000, 3000) == pytest.approx(26 * diagonal / 43.267, rel=1e-3)

@@ -29,7 +29,7 @@ def test_a_grey_photo_gets_three_channels(tmp_path: Path) -> None:
 def test_what_is_no_image_is_told(tmp_path: Path, content: bytes) -> None:
     path = tmp_path / "photo.heic"
     path.write_bytes(content)
-    with pytest.raises(PhotoError, match="photo.heic.*JPEG or PNG"):
+    with pytest.raises(PhotoError, match="photo.heic.*JPEG, PNG or HEIC"):
         read_photo(path)
 
 

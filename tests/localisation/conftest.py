@@ -60,6 +60,15 @@ def room(rng: np.random.Generator, count: int = 900) -> Things:
     return Things(np.stack([x, y, up], 1), patches, descriptors)
 
 
+def pictures(rng: np.random.Generator, count: int = 150) -> Things:
+    """Things on the wall at x = 3."""
+    things = room(rng, count)
+    on_wall = np.column_stack(
+        [np.full(count, 2.9), rng.uniform(-2, 2, count), rng.uniform(0.5, 2.3, count)]
+    )
+    return Things(on_wall, things.patches, things.descriptors)
+
+
 def looking(position: tuple[float, float, float], heading_deg: float) -> Array:
     """``T_world_camera`` of a level camera."""
     a = np.deg2rad(heading_deg)
@@ -165,6 +174,16 @@ def twin_world() -> World:
     rng = np.random.default_rng(2)
     one = room(rng, 600)
     things = one + one.moved((20, 0, 0))
+    poses = around((0, 0, 0)) + around((20, 0, 0))
+    return World(things, mapped(things, poses, rng), CAMERA, looking, seen)
+
+
+@pytest.fixture(scope="session")
+def furnished_twins() -> World:
+    """Two rooms, 20 m apart, that look the same but for what hangs on the wall at x = 3."""
+    rng = np.random.default_rng(4)
+    one, own, other = room(rng, 600), pictures(rng), pictures(rng).moved((20, 0, 0))
+    things = one + one.moved((20, 0, 0)) + own + other
     poses = around((0, 0, 0)) + around((20, 0, 0))
     return World(things, mapped(things, poses, rng), CAMERA, looking, seen)
 

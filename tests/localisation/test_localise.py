@@ -113,6 +113,64 @@ def test_two_rooms_that_look_the_same_are_ambiguous(twin_world):
     assert result.reason == "ambiguous"
     centres = [h.view.centre_world for h in result.hypotheses[:2]]
     assert abs(centres[0][0] - centres[1][0]) == pytest.approx(20, abs=0.05)
+    assert min(result.chances[:2]) > 0.1
+
+
+def test_a_view_of_what_only_one_of_two_rooms_has_is_located(furnished_twins):
+    for x0 in (0, 20):
+        T_true = furnished_twins.looking((x0 + 0.3, -0.2, 1.4), 5.0)
+        features, _ = furnished_twins.seen(
+            T_true, furnished_twins.things, np.random.default_rng(12 + x0)
+        )
+        result, _ = asked(furnished_twins, features)
+        assert isinstance(result, Located)
+        assert errors(result, T_true)[0] < 0.02
+
+
+def test_a_view_of_what_both_rooms_have_is_ambiguous(furnished_twins):
+    T_true = furnished_twins.looking((0.3, -0.2, 1.4), 185.0)
+    features, _ = furnished_twins.seen(T_true, furnished_twins.things, np.random.default_rng(13))
+    result, _ = asked(furnished_twins, features)
+    assert isinstance(result, NotLocated)
+    assert result.reason == "ambiguous"
+
+
+def test_in_rooms_that_look_the_same_no_pose_is_wrong(furnished_twins):
+    """All around: whatever is located, is located in the right room."""
+    located = 0
+    for k, heading_deg in enumerate(range(0, 360, 45)):
+        T_true = furnished_twins.looking((20.2, 0.1, 1.5), heading_deg)
+        features, _ = furnished_twins.seen(
+            T_true, furnished_twins.things, np.random.default_rng(20 + k)
+        )
+        result, _ = asked(furnished_twins, features)
+        if isinstance(result, Located):
+            located += 1
+            assert errors(result, T_true)[0] < 0.02
+    assert located > 0
+
+
+def test_the_confidence_of_a_clear_answer_is_high(world, photo_features):
+    result, _ = asked(world, photo_features[1])
+    assert 0.97 < result.confidence <= 1
+    assert result.chances[0] >= result.confidence
+
+
+def test_a_pose_that_may_be_far_off_is_not_given(world, photo_features):
+    """Keypoints that are good to 200 pixels only tell the place, not the pose."""
+    vague = dataclasses.replace(CONFIG, pixel_sigma_px=200.0)
+    result, _ = asked(world, photo_features[1], config=vague)
+    assert isinstance(result, NotLocated)
+    assert result.reason.startswith("the pose is too uncertain: give or take")
+
+
+def test_few_matches_are_a_reason(world):
+    """Features enough, but of nothing that the map has."""
+    rng = np.random.default_rng(14)
+    features, _ = world.seen(world.looking(*POSE), world.things, rng, found=0.0, clutter=200)
+    result, _ = asked(world, features)
+    assert isinstance(result, NotLocated)
+    assert result.reason == "too few matches"
 
 
 def test_a_picture_of_a_mapped_picture_in_an_unknown_place_is_not_located(world, other_room):

@@ -13,9 +13,10 @@ from vnav.errors import PhotoError
 from vnav.io.artifacts import load_optimised
 from vnav.io.map_folder import MapFolder
 from vnav.io.trajectories import read_tum
+from vnav.localisation.localise import NotLocated
 from vnav.stages import inset, overlay
 from vnav.stages.answer import CSV_HEADER, Unreadable, summary, write_csv
-from vnav.stages.locate import Locator, locate, remember, scaled_down
+from vnav.stages.locate import Locator, brightened, locate, remember, scaled_down
 
 
 @pytest.fixture(scope="module")
@@ -82,6 +83,29 @@ def test_a_black_photo_is_refused_as_dark(locator: Locator, tmp_path: Path) -> N
     assert answer.best is None
     assert answer.reason.startswith("too few features; the photo is dark")
     assert not answer.as_dict()["located"]
+
+
+def test_a_blurred_photo_is_refused_as_blurred(
+    locator: Locator, photos: list[Path], tmp_path: Path
+) -> None:
+    image = cv2.GaussianBlur(cv2.imread(str(photos[0])), (0, 0), 25)
+    cv2.imwrite(str(tmp_path / "blurred.png"), image)
+    answer = locator.locate(tmp_path / "blurred.png")
+    assert answer.best is None
+    assert answer.reason.endswith("; the photo is blurred")
+
+
+def test_all_places_of_an_ambiguous_photo_are_told(locator: Locator, photos: list[Path]) -> None:
+    answer = locator.locate(photos[0])
+    best = answer.best
+    assert best is not None
+    moved = dataclasses.replace(best, view=best.view.moved(np.array([0, 0, 0, 1.0, 0, 0])))
+    result = NotLocated("ambiguous", 10, 9, (best, moved), (0.6, 0.4))
+    unsure = dataclasses.replace(answer, result=result, reason="ambiguous")
+    for place in (best, moved):
+        x, y, z = place.view.centre_world
+        assert f"{x:.2f} {y:.2f} {z:.2f} m" in summary(unsure)
+    assert [h["probability"] for h in unsure.as_dict()["hypotheses"]] == [0.6, 0.4]
 
 
 def test_noise_is_refused(locator: Locator, tmp_path: Path) -> None:
@@ -225,6 +249,26 @@ def test_the_overlay_of_an_unknown_place_is_drawn_as_well(locator: Locator, tmp_
 def test_large_photos_are_scaled_down_and_small_ones_left() -> None:
     assert scaled_down(np.zeros((3000, 4000, 3), np.uint8), 1600).shape == (1200, 1600, 3)
     assert scaled_down(np.zeros((30, 40, 3), np.uint8), 1600).shape == (30, 40, 3)
+
+
+def test_a_photo_darkened_to_a_quarter_is_found(
+    locator: Locator, photos: list[Path], tmp_path: Path
+) -> None:
+    shutil.copy(photos[0].parent / "camera.toml", tmp_path)
+    cv2.imwrite(str(tmp_path / "dark.png"), cv2.imread(str(photos[0])) // 4)
+    found, dark = locator.locate(photos[0]), locator.locate(tmp_path / "dark.png")
+    assert found.best is not None
+    assert dark.best is not None
+    assert len(dark.photo.features) > 0.5 * len(found.photo.features)
+    off_m = dark.best.view.centre_world - found.best.view.centre_world
+    assert np.linalg.norm(off_m) < 0.05
+
+
+def test_a_photo_that_is_bright_enough_is_left_alone() -> None:
+    bright = np.full((4, 4, 3), 200, np.uint8)
+    assert brightened(bright) is bright
+    black = np.zeros((4, 4, 3), np.uint8)
+    assert brightened(black) is black
 
 
 def test_the_maps_own_feature_settings_are_used(folder: MapFolder, locator: Locator) -> None:

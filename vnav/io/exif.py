@@ -1,9 +1,10 @@
-"""What a JPEG's EXIF tells about its camera; see the Exif 2.32 standard (CIPA DC-008)."""
+"""What a photo's EXIF tells about its camera; see the Exif 2.32 standard (CIPA DC-008)."""
 
 import struct
 from dataclasses import dataclass
 from pathlib import Path
 
+EXIF_HEADER = b"Exif\0\0"
 EXIF_IFD = 0x8769
 FOCAL_MM, FOCAL_35MM = 0x920A, 0xA405
 PLANE_X_RESOLUTION, PLANE_UNIT = 0xA20E, 0xA210
@@ -38,7 +39,7 @@ class Exif:
 
 
 def read_exif(path: Path) -> Exif:
-    """The EXIF of a JPEG; empty for another format, for none and for damaged EXIF."""
+    """The EXIF of a JPEG or HEIC; empty for another format, for none and for damaged EXIF."""
     try:
         tiff = _tiff(path.read_bytes())
         return Exif(_tags(tiff) if tiff else {})
@@ -47,13 +48,15 @@ def read_exif(path: Path) -> Exif:
 
 
 def _tiff(data: bytes) -> bytes | None:
-    """The TIFF block in a JPEG's APP1 segment."""
+    """The TIFF block in a JPEG's APP1 segment, or in a HEIC file."""
+    if data[4:8] == b"ftyp":
+        return data.partition(EXIF_HEADER)[2] or None
     at = 2
     if not data.startswith(b"\xff\xd8"):
         return None
     while data[at] == 0xFF and data[at + 1] != 0xDA:
         (length,) = struct.unpack_from(">H", data, at + 2)
-        if data[at + 1] == 0xE1 and data[at + 4 : at + 10] == b"Exif\0\0":
+        if data[at + 1] == 0xE1 and data[at + 4 : at + 10] == EXIF_HEADER:
             return data[at + 10 : at + 2 + length]
         at += 2 + length
     return None

@@ -11,9 +11,10 @@ from vnav.core.camera import Intrinsics
 from vnav.errors import CameraError, CaptureError, PhotoError
 from vnav.io.camera_file import read_color
 from vnav.io.exif import read_exif
+from vnav.io.heic import is_heic, read_heic
 from vnav.io.images import read_image
 
-SUFFIXES = (".jpg", ".jpeg", ".png", ".bmp", ".tif", ".tiff", ".webp")
+SUFFIXES = (".jpg", ".jpeg", ".png", ".bmp", ".tif", ".tiff", ".webp", ".heic", ".heif")
 AUTO = "auto"  # what --camera says where the focal length is to be estimated
 EXIF_SIGMA = 0.05  # relative; EXIF rounds to millimetres, and phones crop
 USUAL_FOCAL = 0.8  # of the longer side: 64 degrees of view; only where search starts
@@ -33,10 +34,12 @@ class PhotoCamera:
 
 def read_photo(path: Path) -> NDArray[np.uint8]:
     """A photo (H, W, 3) uint8, RGB, upright by its EXIF; PhotoError where it cannot be read."""
+    if is_heic(path):
+        return read_heic(path)
     try:
         return read_image(path)
     except CaptureError as error:
-        raise PhotoError(f"{error}; photos are read as JPEG or PNG, convert others") from error
+        raise PhotoError(f"{error}; photos are JPEG, PNG or HEIC, convert others") from error
 
 
 def find_photos(paths: Iterable[Path]) -> list[Path]:

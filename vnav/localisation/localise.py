@@ -22,11 +22,13 @@ NEAR_M, NEAR_RAD = 0.25, np.deg2rad(10.0)  # what counts as the same place
 class Located:
     """The answer, every hypothesis with the answer first, and the matches the search had found.
 
-    ``confidence``: probability that the pose is within 25 cm and 10 degrees.
+    ``chances``: probability of each hypothesis' place; ``confidence``: that the pose is within
+    25 cm and 10 degrees.
     """
 
     best: Hypothesis
     hypotheses: tuple[Hypothesis, ...]
+    chances: tuple[float, ...]
     matches: int
     sigmas: Sigmas
     confidence: float
@@ -39,9 +41,10 @@ class Located:
 
 @dataclass(frozen=True)
 class NotLocated(Rejected):
-    """Why the photo was not located, and the hypotheses that were not good enough."""
+    """Why the photo was not located; hypotheses that were not good enough, and their chances."""
 
     hypotheses: tuple[Hypothesis, ...] = ()
+    chances: tuple[float, ...] = ()
 
 
 def localise(query: Query, rng: np.random.Generator) -> Located | NotLocated:
@@ -79,17 +82,18 @@ def own_focal(hypothesis: Hypothesis, query: Query) -> tuple[float, float]:
 def _verdict(hypotheses: list[Hypothesis], matches: int, query: Query) -> Located | NotLocated:
     """The best hypothesis, if the photo was taken there as good as surely, and where exactly."""
     places = _apart(hypotheses)
-    chances = posterior([place.evidence for place in places])
+    chances = tuple(posterior([place.evidence for place in places]).tolist())
     inliers, wanted = places[0].inliers if places else 0, query.config.min_confidence
-    if chances.sum() < wanted:
-        return NotLocated("no consistent pose", matches, inliers, places)
+    if sum(chances) < wanted:
+        return NotLocated("no consistent pose", matches, inliers, places, chances)
     if chances[0] < wanted:
-        return NotLocated("ambiguous", matches, inliers, places)
+        return NotLocated("ambiguous", matches, inliers, places, chances)
     error = sigmas(places[0], query.atlas.index)
-    confidence = float(chances[0]) * error.within(NEAR_M, NEAR_RAD)
+    confidence = chances[0] * error.within(NEAR_M, NEAR_RAD)
     if confidence < wanted:
-        return NotLocated(f"the pose is too uncertain: {error}", matches, inliers, places)
-    return Located(places[0], places, matches, error, confidence)
+        reason = f"the pose is too uncertain: {error}"
+        return NotLocated(reason, matches, inliers, places, chances)
+    return Located(places[0], places, chances, matches, error, confidence)
 
 
 def _apart(hypotheses: list[Hypothesis]) -> tuple[Hypothesis, ...]:

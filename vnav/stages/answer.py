@@ -24,6 +24,8 @@ CSV_HEADER = (
     *("sigma_x_m", "sigma_y_m", "sigma_z_m", "sigma_rotation_deg", "matches", "inliers"),
 )
 
+UNLIKELY = 0.02  # places of an ambiguous photo that are not worth telling
+
 
 @dataclass(frozen=True)
 class Answer:
@@ -73,8 +75,8 @@ class Answer:
             "sigma_rotation_deg": np.rad2deg(sigmas.rotation_rad).tolist() if sigmas else None,
             "confidence": self.confidence,
             "hypotheses": [
-                _pose(h.view) | {"inliers": h.inliers, "evidence": round(h.strength, 2)}
-                for h in self.result.hypotheses
+                _pose(h.view) | {"inliers": h.inliers, "probability": round(chance, 4)}
+                for h, chance in zip(self.result.hypotheses, self.result.chances, strict=True)
             ],
             "seconds": self.seconds,
         }
@@ -107,7 +109,7 @@ def summary(answer: Answer | Unreadable) -> str:
         return f"{answer.path}: unreadable: {answer.reason}"
     best, sigmas = answer.best, answer.sigmas
     if best is None or sigmas is None:
-        return f"{answer.path}: not located: {answer.reason}"
+        return f"{answer.path}: not located: {answer.reason}{_rivals(answer.result)}"
     x, y, z = best.view.centre_world
     forward = best.view.T_world_camera[:3, 2]
     heading_deg = np.rad2deg(np.arctan2(forward[1], forward[0]))
@@ -115,6 +117,16 @@ def summary(answer: Answer | Unreadable) -> str:
         f"{answer.path}: at {x:.3f} {y:.3f} {z:.3f} m, heading {heading_deg:.0f} deg,"
         f" {sigmas}; {best.inliers} inliers, camera {answer.camera.source}"
     )
+
+
+def _rivals(result: Located | NotLocated) -> str:
+    """Where a photo may have been taken that was taken in one of several places."""
+    pairs = zip(result.hypotheses, result.chances, strict=True)
+    likely = [(h.view.centre_world, chance) for h, chance in pairs if chance > UNLIKELY]
+    if len(likely) < 2:
+        return ""
+    places = [f"{x:.2f} {y:.2f} {z:.2f} m ({chance:.0%})" for (x, y, z), chance in likely]
+    return f": at {' or '.join(places)}"
 
 
 def write_csv(path: Path, answers: Iterable[Answer | Unreadable]) -> None:

@@ -30,6 +30,8 @@ from vnav.stages.capture_quality import BLURRED, DARK, blur
 
 DOUBTFUL = 0.03  # relative error of an assumed focal length that is told, if it is significant
 SIGNIFICANT = 3.0  # standard deviations
+BRIGHTEST = 99.0  # percentile of the grey levels that exposure is told by
+UNDEREXPOSED = 128.0  # a photo whose brightest parts are darker
 
 
 class Locator:
@@ -53,7 +55,7 @@ class Locator:
         clock.append(time.monotonic())
         image = scaled_down(image, self._config.locate.max_size_px)
         intrinsics = camera.intrinsics.scaled(image.shape[1], image.shape[0])
-        features = self._front_end.extract(image)
+        features = self._front_end.extract(brightened(image))
         clock.append(time.monotonic())
         photo = prepare(features, intrinsics, camera.focal_sigma, self.atlas.tree)
         query = Query(photo, self.atlas, self._config.locate)
@@ -106,6 +108,14 @@ def scaled_down(image: NDArray[np.uint8], longest_px: int) -> NDArray[np.uint8]:
         return image
     size = max(1, round(width * factor)), max(1, round(height * factor))
     return np.asarray(cv2.resize(image, size, interpolation=cv2.INTER_AREA), np.uint8)
+
+
+def brightened(image: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    """An underexposed photo as bright as its brightest parts allow; any other as it is."""
+    high = float(np.percentile(image, BRIGHTEST))
+    if not 0 < high < UNDEREXPOSED:
+        return image
+    return np.asarray(cv2.convertScaleAbs(image, alpha=UNDEREXPOSED / high), np.uint8)
 
 
 def _answer(

@@ -1,0 +1,145 @@
+"""Are photos still found, and never wrongly, when they are bad?
+
+    python benchmarks/degraded_photos.py MAP CAPTURE [--every 1]
+
+asks the map for the capture's photos as they are and spoilt in each way of WAYS, and prints a
+table. Right: within 5 cm and 2 degrees; wrong: over 30 cm or 10 degrees. Exit code 1 where one is
+wrong. The camera of a photo that is rotated, cropped or scaled is changed with it.
+"""
+
+import argparse
+import sys
+import tempfile
+from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
+
+import cv2
+import numpy as np
+from calibrate_confidence import photos_of, true_poses
+from numpy.typing import NDArray
+
+from vnav.config import Config
+from vnav.core import se3
+from vnav.core.camera import Intrinsics
+from vnav.io.camera_file import read_color
+from vnav.io.map_folder import MapFolder
+from vnav.stages.answer import Answer
+from vnav.stages.locate import Locator, locate
+
+Image = NDArray[np.uint8]
+Spoilt = tuple[
+    Image, Intrinsics, NDArray[np.float64]
+]  # with the rotation of the new camera in the old
+
+
+def _same(change: Callable[[Image], Image]) -> Callable[[Image, Intrinsics], Spoilt]:
+    return lambda image, k: (change(image), k, np.eye(3))
+
+
+def _jpeg(image: Image) -> Image:
+    _, data = cv2.imencode(".jpg", image, [cv2.IMWRITE_JPEG_QUALITY, 15])
+    return np.asarray(cv2.imdecode(data, cv2.IMREAD_COLOR), np.uint8)
+
+
+def _covered(image: Image) -> Image:
+    """A black box over the middle, a third of the area."""
+    height, width = (round(n / 3**0.5) for n in image.shape[:2])
+    top, left = (image.shape[0] - height) // 2, (image.shape[1] - width) // 2
+    image = image.copy()
+    image[top : top + height, left : left + width] = 0
+    return image
+
+
+def _rotated(image: Image, k: Intrinsics) -> Spoilt:
+    camera = Intrinsics(k.height, k.width, k.fy, k.fx, k.height - 1 - k.cy, k.cx)
+    R_old_new = np.array([[0.0, 1, 0], [-1, 0, 0], [0, 0, 1]])
+    return np.asarray(cv2.rotate(image, cv2.ROTATE_90_CLOCKWISE), np.uint8), camera, R_old_new
+
+
+def _cropped(image: Image, k: Intrinsics) -> Spoilt:
+    """The middle, half of the width and of the height."""
+    width, height = k.width // 2, k.height // 2
+    left, top = width // 2, height // 2
+    camera = Intrinsics(width, height, k.fx, k.fy, k.cx - left, k.cy - top)
+    return image[top : top + height, left : left + width].copy(), camera, np.eye(3)
+
+
+def _small(image: Image, k: Intrinsics) -> Spoilt:
+    size = 320, round(320 * k.height / k.width)
+    small = np.asarray(cv2.resize(image, size, interpolation=cv2.INTER_AREA), np.uint8)
+    return small, k.scaled(*size), np.eye(3)
+
+
+WAYS: dict[str, Callable[[Image, Intrinsics], Spoilt]] = {
+    "as taken": _same(lambda image: image),
+    "darkened to a quarter": _same(lambda image: (image // 4).astype(np.uint8)),
+    "blurred by 5 px": _same(lambda image: cv2.GaussianBlur(image, (0, 0), 5).astype(np.uint8)),
+    "rotated by 90 deg": _rotated,
+    "cropped to half": _cropped,
+    "scaled to 320 px": _small,
+    "a third covered": _same(_covered),
+    "JPEG quality 15": _same(_jpeg),
+}
+
+
+def spoil(photos: Sequence[Path], k: Intrinsics, way: str, out: Path) -> NDArray[np.float64]:
+    """Write the photos and their camera into a folder; that camera's rotation in the old."""
+    for photo in photos:
+        image = np.asarray(cv2.imread(str(photo)), np.uint8)
+        image, camera, R_old_new = WAYS[way](image, k)
+        cv2.imwrite(str(out / f"{photo.stem}.png"), image)
+    keys = ("width", "height", "fx", "fy", "cx", "cy")
+    values = [f"{key} = {getattr(camera, key)}" for key in keys]
+    (out / "camera.toml").write_text("\n".join(["[color]", *values]) + "\n", "utf-8")
+    return R_old_new
+
+
+def errors(
+    answers: Iterator[Answer], truth: dict[str, NDArray[np.float64]], R_old_new: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Metres and degrees (N, 2), NaN where a photo was not located."""
+    found = []
+    for answer in answers:
+        true = truth[f"{answer.path.stem}.jpg"] @ se3.make(R_old_new, [0, 0, 0])
+        T = se3.inverse(true) @ answer.best.view.T_world_camera if answer.best else None
+        off = (
+            (np.linalg.norm(T[:3, 3]), np.rad2deg(se3.rotation_angle(T)))
+            if T is not None
+            else (np.nan,) * 2
+        )
+        found.append(off)
+    return np.array(found)
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
+    parser.add_argument("map", type=Path)
+    parser.add_argument("capture", type=Path)
+    parser.add_argument("--every", type=int, default=1, help="take every so many photos only")
+    options = parser.parse_args(arguments)
+    folder = MapFolder.open(options.map)
+    truth, locator = true_poses(folder, options.capture), Locator(folder, Config())
+    photos = photos_of(options.capture)[:: options.every]
+    k = read_color(options.capture / "photos" / "camera.toml")
+    print("| photos | located | right | wrong | median |", "|---|---|---|---|---|", sep="\n")
+    wrong = 0
+    for way in WAYS:
+        with tempfile.TemporaryDirectory() as out:
+            R_old_new = spoil(photos, k, way, Path(out))
+            files = sorted(Path(out).glob("*.png"))
+            off = errors(locate(locator, files), truth, R_old_new)  # type: ignore[arg-type]
+        off = off[np.isfinite(off[:, 0])]
+        right = int(((off[:, 0] < 0.05) & (off[:, 1] < 2)).sum())
+        bad = int(((off[:, 0] > 0.30) | (off[:, 1] > 10)).sum())
+        median = (
+            f"{100 * np.median(off[:, 0]):.1f} cm, {np.median(off[:, 1]):.2f} deg"
+            if len(off)
+            else ""
+        )
+        print(f"| {way} | {len(off)} of {len(photos)} | {right} | {bad} | {median} |", flush=True)
+        wrong += bad
+    return int(wrong > 0)
+
+
+if __name__ == "__main__":
+    sys.exit(main())
