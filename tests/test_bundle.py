@@ -68,7 +68,7 @@ def test_without_noise_the_truth_comes_back() -> None:
 
 def test_the_residuals_left_are_those_of_the_noise() -> None:
     # Chi-squared of 3 numbers an observation less 6 a free pose and 3 a point, within four times
-    # its scatter, and 5 % less for what Huber's kernel lets go.
+    # its scatter, and 5 % less for what Cauchy's kernel lets go.
     rng = np.random.default_rng(1)
     truth = scene(rng)
     seen = measured(truth, rng)
@@ -80,7 +80,7 @@ def test_the_residuals_left_are_those_of_the_noise() -> None:
 
 def test_poses_scatter_as_their_covariance_says() -> None:
     # 12 trials of 5 cameras and 6 numbers each; errors of one trial hang together, so 12 * 6
-    # independent ones: the mean of their squares is 1 within 4 * sqrt(2 / 72). Huber's kernel adds
+    # independent ones: the mean of their squares is 1 within 4 * sqrt(2 / 72). Cauchy's kernel adds
     # 5 % to the errors, and the covariance of its weights a little more to what is promised.
     normalised = []
     for seed in range(12):
@@ -96,7 +96,7 @@ def test_poses_scatter_as_their_covariance_says() -> None:
 
 def test_points_scatter_as_their_sigmas_say() -> None:
     # With true poses every point errs on its own, most of all in depth: 4 * 60 numbers, whose
-    # mean square is 1 within 4 * sqrt(2 / 240), and 5 % for Huber's kernel.
+    # mean square is 1 within 4 * sqrt(2 / 240), and 5 % for Cauchy's kernel.
     ratios = []
     for seed in range(4):
         rng = np.random.default_rng(seed)
@@ -145,8 +145,8 @@ def test_less_depth_leaves_less_certain_poses() -> None:
 
 
 def test_a_few_wrong_observations_do_little_harm() -> None:
-    # 2 % are 60 px off. Huber's kernel bounds what each pulls to that of 1.5 sigma: 7 of 360 that
-    # all pull one way shift the rest by 3 % of a sigma of one observation, about half a sigma of
+    # 2 % are 60 px off. Cauchy's kernel bounds what each pulls to that of 1 sigma: 7 of 360 that
+    # all pull one way shift the rest by 2 % of a sigma of one observation, under half a sigma of
     # the pose. So the errors stay within three sigmas instead of hundreds.
     rng = np.random.default_rng(6)
     truth = scene(rng)
@@ -260,3 +260,30 @@ def test_no_observations_have_no_error() -> None:
     assert np.isnan(MODEL.rms_px(truth, none))
     assert MODEL.squared_residuals(truth, none).shape == (0,)
     assert np.isinf(MODEL.point_sigmas(truth, none)).all()
+
+
+@pytest.mark.parametrize("noise", [0.3, 0.7])
+def test_the_noise_is_found_in_the_residuals(noise: float) -> None:
+    # 360 residuals tell their spread within 10 % (two standard deviations); points and poses take
+    # up a little more than what is allowed for.
+    rng = np.random.default_rng(11)
+    truth = scene(rng)
+    seen = measured(truth, rng, noise)
+    fitted = MODEL.fitted(adjust(truth, seen, [], MODEL, ITERATIONS), seen)
+    assert fitted.pixel_sigma == pytest.approx(noise * CONFIG.pixel_sigma_px, rel=0.15)
+    assert fitted.depth_sigma == pytest.approx(noise * CONFIG.depth_sigma_per_m2, rel=0.15)
+
+
+def test_noise_is_never_taken_for_more_than_the_settings_say() -> None:
+    rng = np.random.default_rng(12)
+    truth = scene(rng)
+    fitted = MODEL.fitted(truth, measured(truth, rng, 3.0))
+    assert (fitted.pixel_sigma, fitted.depth_sigma) == (MODEL.pixel_sigma, MODEL.depth_sigma)
+
+
+def test_few_or_short_tracks_tell_no_noise() -> None:
+    rng = np.random.default_rng(13)
+    truth = scene(rng)
+    seen = measured(truth, rng, 0.3)
+    assert MODEL.fitted(truth, seen[seen.camera < 2]) is MODEL
+    assert MODEL.fitted(truth, seen[seen.landmark < 5]) is MODEL

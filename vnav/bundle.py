@@ -1,5 +1,6 @@
 """Bundle adjustment of keyframes and landmarks, with reprojection and depth terms."""
 
+import copy
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -15,7 +16,11 @@ from vnav.core.frame import Edge
 
 Array = NDArray[np.float64]
 BASELINE_M = 0.1  # virtual: it only turns inverse depth into the disparity that gtsam measures
-HUBER_SIGMAS = 1.5
+CAUCHY_SIGMAS = 2.0
+MEDIAN_TO_SIGMA = 1.4826  # of a normal distribution
+LONG_TRACK = 3  # sightings: two leave little over to tell noise from
+ENOUGH = 100  # of them; fewer tell no noise
+LEAST_PIXEL_SIGMA, LEAST_DEPTH_SIGMA = 0.1, 1e-4  # a perfect capture would divide by zero
 CONVERGED = 1e-3  # relative decrease of the error; a hundredth of it moves no pose by 0.1 mm
 
 
@@ -57,6 +62,27 @@ class SensorModel:
         self.depth_sigma = config.depth_sigma_per_m2
         self._table = np.array([(i.fx, i.fy, i.cx, i.cy) for i in intrinsics])
         self.focal_px = self._table[:, 0]
+
+    def fitted(self, bundle: Bundle, seen: Observations) -> "SensorModel":
+        """The same cameras with the noise that the residuals show, which is never taken for more.
+
+        From the median absolute residual of landmarks with `LONG_TRACK` sightings or more,
+        corrected for what their points take up. Too few of these: no change.
+        """
+        sightings = np.bincount(seen.landmark)[seen.landmark]
+        long = sightings >= LONG_TRACK
+        if long.sum() < ENOUGH:
+            return self
+        p, _ = self._in_camera(bundle, seen[long])
+        left = np.sqrt(1 - (1 / sightings[long]).mean())
+        off = np.abs(self._reprojection(p, seen[long]))
+        d = np.abs(1 / p[:, 2] - seen.inverse_depth[long])
+        pixel = max(MEDIAN_TO_SIGMA * float(np.median(off)) / left, LEAST_PIXEL_SIGMA)
+        depth = max(MEDIAN_TO_SIGMA * float(np.nanmedian(d)) / left, LEAST_DEPTH_SIGMA)
+        model = copy.copy(self)
+        model.pixel_sigma = min(pixel, self.pixel_sigma)
+        model.depth_sigma = min(depth, self.depth_sigma)
+        return model
 
     def squared_residuals(self, bundle: Bundle, seen: Observations) -> Array:
         """Squared residuals (M,) in standard deviations; infinite behind the camera."""
@@ -113,23 +139,25 @@ def adjust(
     edges: Sequence[Edge],
     model: SensorModel,
     iterations: int,
+    fixed: bool = False,
 ) -> Bundle:
     """Poses and points that explain all observations best; the first camera stays where it is.
 
+    Where the poses are ``fixed``, they all do, and only the points are adjusted.
     A stereo factor with a virtual baseline gives depth noise that grows with depth squared;
     observations without depth are plain projections. ``edges`` hold cameras that see little.
-    Levenberg-Marquardt with a Huber kernel; deterministic. Without observations and edges nothing
+    Levenberg-Marquardt with a Cauchy kernel; deterministic. Without observations and edges nothing
     moves.
     """
     if not len(_cameras(seen, edges)):
         return initial
-    graph, values = _problem(initial, seen, edges, model)
+    graph, values = _problem(initial, seen, edges, model, fixed)
     params = gtsam.LevenbergMarquardtParams()
     params.setMaxIterations(iterations)
     params.setRelativeErrorTol(CONVERGED)
     values = gtsam.LevenbergMarquardtOptimizer(graph, values, params).optimize()
     poses, points = initial.T_world_camera.copy(), initial.points_world.copy()
-    for k in _cameras(seen, edges):
+    for k in () if fixed else _cameras(seen, edges):
         poses[k] = values.atPose3(_pose(k)).matrix()
     for n in np.unique(seen.landmark):
         points[n] = values.atPoint3(_point(n))
@@ -154,7 +182,11 @@ def covariances(
 
 
 def _problem(
-    bundle: Bundle, seen: Observations, edges: Sequence[Edge], model: SensorModel
+    bundle: Bundle,
+    seen: Observations,
+    edges: Sequence[Edge],
+    model: SensorModel,
+    fixed: bool = False,
 ) -> tuple[Any, Any]:
     graph, values = gtsam.NonlinearFactorGraph(), gtsam.Values()
     cameras = _cameras(seen, edges)
@@ -162,9 +194,9 @@ def _problem(
         values.insert(_pose(k), gtsam.Pose3(bundle.T_world_camera[k]))
     for n in np.unique(seen.landmark):
         values.insert(_point(n), bundle.points_world[n])
-    fixed = gtsam.noiseModel.Isotropic.Sigma(6, 1e-5)
-    first = _pose(int(cameras[0]))
-    graph.add(gtsam.PriorFactorPose3(first, values.atPose3(first), fixed))
+    tight = gtsam.noiseModel.Isotropic.Sigma(6, 1e-5)
+    for k in cameras if fixed else cameras[:1]:
+        graph.add(gtsam.PriorFactorPose3(_pose(k), values.atPose3(_pose(k)), tight))
     _add_observations(graph, seen, model)
     for e in edges:
         noise = gtsam.noiseModel.Gaussian.Information(e.information)
@@ -206,7 +238,7 @@ def _add_observations(graph: Any, seen: Observations, model: SensorModel) -> Non
 
 def _noise(model: SensorModel) -> tuple[Any, list[Any]]:
     """Robust noise of a pixel, and of (left u, right u, v) for each camera."""
-    huber = gtsam.noiseModel.mEstimator.Huber.Create(HUBER_SIGMAS)
+    robust = gtsam.noiseModel.mEstimator.Cauchy.Create(CAUCHY_SIGMAS)
     s2 = model.pixel_sigma**2
     pixel = gtsam.noiseModel.Isotropic.Sigma(2, model.pixel_sigma)
     stereo = []
@@ -214,8 +246,8 @@ def _noise(model: SensorModel) -> tuple[Any, list[Any]]:
         d2 = (i.fx * BASELINE_M * model.depth_sigma) ** 2
         covariance = np.array([[s2, s2, 0], [s2, s2 + d2, 0], [0, 0, s2]])
         gaussian = gtsam.noiseModel.Gaussian.Covariance(covariance)
-        stereo.append(gtsam.noiseModel.Robust.Create(huber, gaussian))
-    return gtsam.noiseModel.Robust.Create(huber, pixel), stereo
+        stereo.append(gtsam.noiseModel.Robust.Create(robust, gaussian))
+    return gtsam.noiseModel.Robust.Create(robust, pixel), stereo
 
 
 def _pose(k: int) -> int:

@@ -50,7 +50,7 @@ class RegistrationConfig:
     sure_inlier_share: float = 0.85  # of those: with fewer, matches are sought everywhere too
     polish_radius_px: float = 8.0  # about where the motion found puts it
     pixel_sigma_px: float = 1.0
-    depth_sigma_per_m2: float = 0.0025  # axial depth noise: sigma = this * depth^2
+    depth_sigma_per_m2: float = 0.0014  # axial depth noise: sigma = this * depth^2 (Khoshelham 2012)
     depth_window_px: int = 5  # window of the plane fit that gives a keypoint its depth
     ransac_threshold_px: float = 4.0
     ransac_iterations: int = 200

@@ -190,7 +190,7 @@ def test_of_parts_that_nothing_joins_the_largest_is_the_map(
     kept = {(number[e.i], number[e.j]) for e in inside}
     matches = matches[[(i, j) in kept for i, j in matches[:, [0, 2]].tolist()]]
     solved = optimise.solve(split, inside, matches, [camera], CONFIG)
-    assert solved.parts == 2
+    assert [rows.tolist() for rows in solved.others.values()] == [list(range(40, 60))]
     assert np.isfinite(solved.poses[:40]).all()
     assert np.isnan(solved.poses[40:]).all()
     outside = [n for row, n in number.items() if row >= 40]
@@ -202,7 +202,7 @@ def test_closures_join_segments_and_all_of_them_are_the_map(
 ) -> None:
     closures, matches = load_loop_edges(folder)
     solved = optimise.solve(cut(odometry, 30), closures, matches, [camera], CONFIG)
-    assert solved.parts == 1
+    assert not solved.others
     off = np.linalg.norm(aligned(solved.poses, truth)[:, :3, 3] - truth[:, :3, 3], axis=1)
     assert off.max() < 0.03  # the drift of all 60 frames adds up to 6 mm at the worst
 
@@ -238,9 +238,8 @@ def test_a_capture_of_one_place_is_a_map(tiny_capture: Path, tmp_path: Path) -> 
     assert len(load_optimised(folder).landmarks) > 100
 
 
-def test_parts_that_nothing_joins_are_a_warning(
-    folder: MapFolder, odometry: Odometry, tmp_path: Path
-) -> None:
+def in_two_parts(folder: MapFolder, odometry: Odometry, tmp_path: Path) -> MapFolder:
+    """A map of which no edge crosses row 40, and that has no loops."""
     torn = MapFolder.create(tmp_path / "map")
     torn.set_captures(folder.captures)
     with torn.writing("odometry", {}, {}) as draft:
@@ -248,9 +247,28 @@ def test_parts_that_nothing_joins_are_a_warning(
         shutil.copytree(folder.root / "odometry" / "keyframes", draft / "keyframes")
     with torn.writing("loops", {}, torn.inputs_of("odometry")) as draft:
         save_loops(draft, [], [], np.zeros((0, 4), np.int32))
+    return torn
+
+
+def test_a_smaller_part_keeps_its_trajectory(
+    folder: MapFolder, odometry: Odometry, truth: np.ndarray, tmp_path: Path
+) -> None:
+    torn = in_two_parts(folder, odometry, tmp_path)
+    optimise.run(torn, CONFIG)
+    kept = read_tum(torn.root / "optimise" / "part_2" / "trajectory_0.tum").T_world_camera
+    off = np.linalg.norm(aligned(kept, truth[40:])[:, :3, 3] - truth[40:, :3, 3], axis=1)
+    assert len(kept) == 20
+    assert off.max() < 0.03  # as above: the drift of three times as many frames
+
+
+def test_parts_that_nothing_joins_are_a_warning(
+    folder: MapFolder, odometry: Odometry, tmp_path: Path
+) -> None:
+    torn = in_two_parts(folder, odometry, tmp_path)
     report = optimise.run(torn, CONFIG)
-    assert report.warnings[0].startswith("the map is in 2 parts that no loop joins")
-    assert (report.values["posed"], report.values["parts"]) == (40, 2)
+    assert report.warnings[0].startswith("frames 40 to 59 are a part of their own")
+    assert report.values["posed"] == 40
+    assert [part["frames"] for part in report.values["parts"]] == [40, 20]
     assert len(read_tum(torn.root / "optimise" / "trajectory_0.tum")) == 40
     assert np.isnan(load_optimised(torn).T_world_camera[40:]).all()
 

@@ -69,7 +69,11 @@ def adjust_landmarks(
     model: SensorModel,
     config: OptimiseConfig,
 ) -> Adjusted:
-    """Bundle adjustment in rounds, each after dropping the observations that stand out.
+    """Bundle adjustment in rounds, each without the observations that stand out.
+
+    The first takes the noise of the settings, which must do for any sensor; then the residuals tell
+    it: the sharper it is known, the less do wrong matches weigh. What is said of the result, its
+    covariances and which observations hold a landmark, stays with the settings.
 
     ``joined``: pairs of keyframes that odometry or a closure joined; where they share too few
     landmarks, the motion of the given poses holds them.
@@ -78,14 +82,16 @@ def adjust_landmarks(
     points = tracks.lifted(T_world_camera, rows)
     rows = rows[np.isfinite(points[:, 0])[tracks.seen.landmark[rows]]]
     bundle = Bundle(T_world_camera, points)
-    rms = []
+    sharp, rms = model, []
     for k in range(config.bundle_rounds):
-        rows = _inliers(bundle, tracks, rows, model, FIRST_SLACK if k == 0 else 1.0)
-        shared = _shared(tracks.seen, rows)
+        inliers = _inliers(bundle, tracks, rows, sharp, FIRST_SLACK if k == 0 else 1.0)
+        shared = _shared(tracks.seen, inliers)
         held = _weak_edges(T_world_camera, joined, tracks.seen[shared], config)
         rms.append(model.rms_px(bundle, tracks.seen[shared]))
-        bundle = adjust(bundle, tracks.seen[shared], held, model, config.bundle_iterations)
-        bundle = _lift_alone(bundle, tracks, rows, shared)
+        bundle = adjust(bundle, tracks.seen[shared], held, sharp, config.bundle_iterations)
+        bundle = _lift_alone(bundle, tracks, inliers, shared)
+        all_shared = _shared(tracks.seen, _inliers(bundle, tracks, rows, model, 1.0))
+        sharp = model.fitted(bundle, tracks.seen[all_shared])
     rows = _inliers(bundle, tracks, rows, model, 1.0)
     shared = _shared(tracks.seen, rows)
     rms.append(model.rms_px(bundle, tracks.seen[shared]))

@@ -51,6 +51,11 @@ def run(folder: MapFolder, config: Config, *, progress: Progress = silent) -> Re
         save_optimised(draft, result)
         save_verdicts(draft, judged(load_loops(folder, "loops"), solved.graph))
         _write_trajectories(draft, odometry, result.T_world_camera)
+        for name, rows in solved.others.items():
+            (draft / name).mkdir()
+            poses = np.full_like(solved.poses, np.nan)
+            poses[rows] = solved.graph.T_world_camera[rows]
+            _write_trajectories(draft / name, odometry, poses)
         edges = [*odometry.edges, *solved.closures]
         posegraph.write_g2o(str(draft / "graph.g2o"), result.T_world_camera, edges)
     return finished(folder, _report(solved, result, odometry), started)
@@ -58,13 +63,16 @@ def run(folder: MapFolder, config: Config, *, progress: Progress = silent) -> Re
 
 @dataclass(frozen=True)
 class Solved:
-    """Poses (N, 4, 4) of the main part, its adjusted keyframes and landmarks, closures kept."""
+    """Poses (N, 4, 4) of the main part, its adjusted keyframes and landmarks, closures kept.
+
+    ``others``: rows of the parts that no closure joins to it, by name, the largest first.
+    """
 
     poses: Array
     adjusted: Adjusted
     graph: posegraph.PoseGraph
     closures: tuple[Edge, ...]
-    parts: int
+    others: dict[str, NDArray[np.intp]]
 
 
 def solve(
@@ -82,7 +90,9 @@ def solve(
     )
     kept = tuple(e for e, keep in zip(closures, graph.kept, strict=True) if keep)
     _, part = posegraph.join(odometry.T_segment_camera, odometry.segment, kept)
-    poses, edges = _main_part(graph.T_world_camera, part, [*odometry.edges, *kept])
+    main, others = _parts(part)
+    poses = np.where(main[:, None, None], graph.T_world_camera, np.nan)
+    edges = [e for e in (*odometry.edges, *kept) if main[e.i] and main[e.j]]
     progress("optimise", 1, 3)
     adjusted = _adjust(poses, odometry, kept, matches, cameras, config)
     progress("optimise", 2, 3)
@@ -90,7 +100,7 @@ def solve(
     poses = _moved_along(poses, adjusted.T_world_camera, rows)
     poses = posegraph.carry(poses, edges, rows[np.isfinite(poses[rows, 0, 0])])
     progress("optimise", 3, 3)
-    return Solved(poses, adjusted, graph, kept, len(np.unique(part[part != LOST])))
+    return Solved(poses, adjusted, graph, kept, others)
 
 
 def judged(verdicts: Sequence[LoopVerdict], graph: posegraph.PoseGraph) -> list[LoopVerdict]:
@@ -104,13 +114,13 @@ def judged(verdicts: Sequence[LoopVerdict], graph: posegraph.PoseGraph) -> list[
     ]
 
 
-def _main_part(
-    poses: Array, part: NDArray[np.int32], edges: Sequence[Edge]
-) -> tuple[Array, list[Edge]]:
-    """Poses of the part with the most frames, NaN elsewhere, and the edges within it."""
-    main = part == np.bincount(part[part != LOST]).argmax()
-    inside = [e for e in edges if main[e.i] and main[e.j]]
-    return np.where(main[:, None, None], poses, np.nan), inside
+def _parts(part: NDArray[np.int32]) -> tuple[NDArray[np.bool_], dict[str, NDArray[np.intp]]]:
+    """Which frames are in the largest part, and the rows of the others; a frame alone is none."""
+    numbers, sizes = np.unique(part[part != LOST], return_counts=True)
+    main, *others = numbers[np.argsort(-sizes, kind="stable")]
+    rows = [np.flatnonzero(part == number) for number in others]
+    named = enumerate((r for r in rows if len(r) > 1), 2)
+    return part == main, {f"part_{number}": r for number, r in named}
 
 
 def _adjust(
@@ -183,7 +193,10 @@ def _report(solved: Solved, result: OptimisedMap, odometry: Odometry) -> Report:
     values = {
         "frames": len(odometry.frames),
         "posed": posed,
-        "parts": solved.parts,
+        "parts": [
+            {"first": int(r[0]), "last": int(r[-1]), "frames": len(r)}
+            for r in (np.flatnonzero(np.isfinite(solved.poses[:, 0, 0])), *solved.others.values())
+        ],
         "closures_kept": kept,
         "closures_rejected": len(solved.graph.kept) - kept,
         "graph_error_before": solved.graph.error_before,
@@ -207,9 +220,10 @@ def _report(solved: Solved, result: OptimisedMap, odometry: Odometry) -> Report:
         landmarks,
     )
     warnings = []
-    if solved.parts > 1:
+    for name, rows in solved.others.items():
         warnings.append(
-            f"the map is in {solved.parts} parts that no loop joins; the largest is kept"
+            f"frames {rows[0]} to {rows[-1]} are a part of their own, for no loop joins them to the"
+            f" rest: their trajectory is in optimise/{name}, the map is of the largest part"
         )
     if result.world.source != "floor":
         warnings.append(f"no floor was seen: up was found from the {result.world.source}")
