@@ -29,6 +29,7 @@ LEVELS = (
 OWNERS = {
     "gtsam": {"vnav.posegraph", "vnav.bundle"},
     "octomap": {"vnav.volumes.octree"},
+    "pillow_heif": {"vnav.io.heic"},
     "open3d": {"vnav.volumes"},
     "sklearn": {"vnav.vocabulary"},
     "click": {"vnav.cli"},

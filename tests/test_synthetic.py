@@ -14,6 +14,7 @@ from vnav.features.matching import match
 from vnav.synthetic import (
     DEMO,
     MINIATURE,
+    SCENES,
     CaptureSpec,
     Scene,
     Sensor,
@@ -24,6 +25,8 @@ from vnav.synthetic import (
 )
 from vnav.synthetic.capture import camera_poses, photo_poses
 from vnav.synthetic.furniture import shelf, table
+from vnav.synthetic.path import look
+from vnav.synthetic.repeating import ROOM_M, SHELF_M, shop, twin_rooms
 from vnav.synthetic.scene import placed
 from vnav.synthetic.sensor import measured_depth
 
@@ -242,3 +245,51 @@ def test_a_cache_that_cannot_be_written_is_named(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
     with pytest.raises(CaptureError, match="XDG_CACHE_HOME"):
         cached_capture(MINIATURE, tmp_path / "file")
+
+
+@pytest.fixture(scope="module")
+def twins() -> Scene:
+    return twin_rooms(0)
+
+
+def looking_at(position: tuple[float, float, float], yaw_deg: float) -> np.ndarray:
+    """T_world_camera of a level camera."""
+    zero = np.zeros(1)
+    return look(np.array([position]), np.deg2rad([yaw_deg]), zero, zero)[0]
+
+
+def test_twin_rooms_look_the_same(twins: Scene) -> None:
+    """From the same place in either, unless one looks through the door or at the picture."""
+    moved = np.array([ROOM_M, 0.0, 0.0])
+    T = looking_at((0.9, 3.8, 1.2), 0.0)
+    T_other = se3.make(T[:3, :3], T[:3, 3] + moved)
+    one, other = (twins.render_color(CAMERA, pose).astype(int) for pose in (T, T_other))
+    # Rounded coordinates may fall on the next texel, at edges.
+    assert (np.abs(one - other).max(2) > 2).mean() < 0.01
+
+
+def test_a_picture_tells_twin_rooms_apart(twins: Scene) -> None:
+    T = looking_at((1.2, 4.2, 1.4), 90.0)
+    T_other = se3.make(T[:3, :3], T[:3, 3] + [ROOM_M, 0.0, 0.0])
+    one, other = (twins.render_color(CAMERA, pose).astype(int) for pose in (T, T_other))
+    assert (np.abs(one - other).max(2) > 20).mean() > 0.05
+
+
+def test_shelves_of_the_shop_are_the_same() -> None:
+    """A shelf and its neighbour fill the image; the floor and the walls are out of sight."""
+    place = shop(0)
+    camera = Intrinsics(160, 120, 400.0, 400.0, 79.5, 59.5)
+    first = looking_at((0.3 + SHELF_M / 2, 2.5, 1.2), -90.0)
+    second = se3.make(first[:3, :3], first[:3, 3] + [SHELF_M, 0.0, 0.0])
+    one, other = (place.render_color(camera, pose).astype(int) for pose in (first, second))
+    assert (np.abs(one - other).max(2) > 2).mean() < 0.01
+    assert one.std() > 20
+
+
+@pytest.mark.parametrize("name", ["twin_rooms", "shop"])
+def test_the_tours_of_repeating_scenes_are_free(name: str) -> None:
+    scene = SCENES[name](0)
+    spec = CaptureSpec(name, 60, 0, CAMERA, CAMERA)
+    grid = scene.grid(0.05, 0.1, 1.4)
+    cells = grid.cells_at(camera_poses(scene, spec)[:, :2, 3])
+    assert (grid.cells[tuple(cells.T)] == FREE).all()

@@ -1,3 +1,4 @@
+import dataclasses
 from math import comb, exp, log
 
 import numpy as np
@@ -60,6 +61,18 @@ def test_where_the_map_predicts_nothing_the_chances_are_even(scene):
     found = evidence(counted(nowhere, none, photo))
     assert found == NOTHING
     assert posterior([found])[0] == pytest.approx(0.5)
+
+
+def test_where_the_photo_shows_nothing_nothing_is_missed(scene):
+    """A black box over the left half: no features there, and no landmarks counted."""
+    photo, prediction = scene
+    rows = np.arange(0, len(prediction), 3)
+    left = prediction.px[:, 0] < 320
+    covered = dataclasses.replace(photo, features=photo.features[~left])
+    hits = Hits(rows, rows, np.zeros(len(rows), np.float32), np.zeros(len(rows)))[~left[rows]]
+    counts = counted(prediction, hits, covered).reshape(2, ROWS, COLUMNS)
+    assert (counts[:, :, : COLUMNS // 2] == 0).all()
+    assert posterior([evidence(counts.reshape(2, -1))])[0] > 0.95
 
 
 def test_half_a_view_behind_something_unknown_leaves_a_pose_likely():

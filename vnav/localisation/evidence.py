@@ -25,7 +25,7 @@ Array = NDArray[np.float64]
 Beta = tuple[float, float]
 
 COLUMNS, ROWS = 8, 6
-LEAST = 3  # landmarks in a cell that says anything
+LEAST = 3  # landmarks, and features, in a cell that says anything
 SHARES = (np.arange(20) + 0.5) / 20
 
 
@@ -57,10 +57,15 @@ NOTHING = Evidence(0.0, 0.0, 0.0)
 
 
 def counted(prediction: Prediction, hits: Hits, photo: Photo) -> NDArray[np.intp]:
-    """How many landmarks are found, and how many are predicted (2, C), in each cell."""
-    cells = cells_of(prediction.px, photo.intrinsics.size)
-    of_found = cells[np.unique(hits.predicted)]
-    return np.stack([np.bincount(c, minlength=COLUMNS * ROWS) for c in (of_found, cells)])
+    """How many landmarks are found, and how many are predicted (2, C), in each cell.
+
+    None where the photo shows next to nothing: what is covered, black or plain tells neither.
+    """
+    size = photo.intrinsics.size
+    cells, of_features = (cells_of(px, size) for px in (prediction.px, photo.features.keypoints_px))
+    found = cells[np.unique(hits.predicted)]
+    counts = [np.bincount(c, minlength=COLUMNS * ROWS) for c in (found, cells, of_features)]
+    return np.stack(counts[:2]) * (counts[2] >= LEAST)
 
 
 def evidence(cells: NDArray[np.intp], odds: Odds = Odds()) -> Evidence:
