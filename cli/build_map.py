@@ -24,6 +24,13 @@ camera_option = click.option(
     type=click.Path(path_type=Path),
     help="Camera of the capture, where it has no camera.toml.",
 )
+trajectory_option = click.option(
+    "--trajectory",
+    "trajectory_file",
+    metavar="FILE",
+    type=click.Path(path_type=Path),
+    help="Poses to build on as they are: TUM lines, camera to world, z up, the capture's clock.",
+)
 
 
 @click.command("build-map")
@@ -40,6 +47,7 @@ camera_option = click.option(
 )
 @config_options
 @camera_option
+@trajectory_option
 @click.option("--fresh", is_flag=True, help="Delete the map that is there and start anew.")
 @click.option("--force", is_flag=True, help="Go on although the depth units look wrong.")
 @batch_options
@@ -50,6 +58,7 @@ def build_map(
     config_source: str | None,
     settings: tuple[str, ...],
     camera_file: Path | None,
+    trajectory_file: Path | None,
     fresh: bool,
     force: bool,
     jobs: int | None,
@@ -72,12 +81,16 @@ def build_map(
     require_one_way(jobs, scheduler)
     if len(captures) > 1 and maps_dir is None:
         raise click.UsageError("expected --maps DIR, where each of several captures gets its map")
+    if len(captures) > 1 and trajectory_file is not None:
+        raise click.UsageError("expected one CAPTURE with --trajectory, found several")
     resolved, camera = config.load(config_source, settings), camera_file and camera_file.absolute()
+    given = trajectory_file and trajectory_file.absolute()
     tasks: list[chain.Task] = []
     for capture in captures:
         folder = maps_dir / capture.resolve().name if maps_dir else map_dir
-        task = chain.Task(capture.absolute(), folder.absolute(), resolved, camera, fresh, force)
-        if folder.absolute() in (other.map_dir for other in tasks):
+        place = folder.absolute()
+        task = chain.Task(capture.absolute(), place, resolved, camera, given, fresh, force)
+        if place in (other.map_dir for other in tasks):
             raise click.UsageError(f"expected captures of different names, found two {task.name}")
         tasks.append(task)
 

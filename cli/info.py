@@ -55,6 +55,8 @@ def _lines(values: dict[str, Any]) -> Iterator[tuple[str, str]]:
 def _world(world: dict[str, Any]) -> str:
     if world["source"] == "floor":
         return f"z up from the floor, flat within {world['floor_rms_m'] * 1000:.0f} mm"
+    if world["source"] == "given":
+        return "z up as given with the poses"
     return f"no floor was seen: z up from the {world['source']}"
 
 

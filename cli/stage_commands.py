@@ -5,7 +5,7 @@ from pathlib import Path
 
 import click
 
-from vnav.cli.build_map import camera_option, capture_argument
+from vnav.cli.build_map import camera_option, capture_argument, trajectory_option
 from vnav.cli.options import config_options, console_progress, map_option
 from vnav.cli.summary import show
 
@@ -15,25 +15,29 @@ from vnav.cli.summary import show
 @map_option
 @config_options
 @camera_option
+@trajectory_option
 def odometry(
     capture_dir: Path,
     map_dir: Path,
     config_source: str | None,
     settings: tuple[str, ...],
     camera_file: Path | None,
+    trajectory_file: Path | None,
 ) -> None:
-    """Track every frame of a capture and choose keyframes."""
+    """Track every frame of a capture, or take given poses, and choose keyframes."""
     from vnav import config
     from vnav.io.capture import open_capture
     from vnav.io.map_folder import MapFolder
+    from vnav.io.trajectories import read_tum
     from vnav.stages import odometry as stage
     from vnav.stages.build_map import expect_captures
 
     resolved = config.load(config_source, settings)
     captures = [open_capture(capture_dir, resolved.capture, camera_file)]
+    given = read_tum(trajectory_file) if trajectory_file else None
     folder = MapFolder.create(map_dir)
     expect_captures(folder, captures)
-    show([stage.run(folder, captures, resolved, progress=console_progress())])
+    show([stage.run(folder, captures, resolved, given=given, progress=console_progress())])
 
 
 def _stage_command(name: str, summary: str) -> click.Command:

@@ -186,6 +186,20 @@ def segments(T: np.ndarray, rng: np.random.Generator) -> tuple[np.ndarray, np.nd
     return *posegraph.chain(len(T), edges, [0, LAP]), edges
 
 
+def test_held_poses_stay_and_turn_down_the_closures_that_disagree() -> None:
+    rng, T = np.random.default_rng(8), walk(2 * LAP)
+    T[5] = np.nan
+    right = [e for e in laps(T, rng) if e.i != 5]
+    found = posegraph.held(T, [*right, *wrong(walk(2 * LAP), 5, rng)], MAX_SIGMAS)
+    np.testing.assert_array_equal(found.T_world_camera, T)
+    assert found.kept.tolist() == [True] * len(right) + [False] * 5
+    assert found.closure_sigmas[: len(right)].max() < MAX_SIGMAS  # 24 / 6 squared: once in 10^17
+
+
+def test_held_poses_without_closures_are_legal() -> None:
+    assert posegraph.held(walk(3), [], MAX_SIGMAS).kept.tolist() == []
+
+
 def test_segments_are_joined_where_closures_agree() -> None:
     # Half of the closures between the segments are wrong, each in its own way.
     T, rng = walk(2 * LAP), np.random.default_rng(10)

@@ -57,6 +57,13 @@ def optimise(
     return PoseGraph(_poses(values, initial), kept, sigmas, before, graph.error(values))
 
 
+def held(T_world_camera: Array, closures: Sequence[Edge], max_sigmas: float) -> PoseGraph:
+    """Poses (N, 4, 4) as they are, and those closures that are no more than ``max_sigmas`` off."""
+    values = _values(T_world_camera, np.flatnonzero(np.isfinite(T_world_camera[:, 0, 0])))
+    sigmas = np.array([_sigmas(values, e) for e in closures])
+    return PoseGraph(T_world_camera, sigmas <= max_sigmas, sigmas, 0.0, 0.0)
+
+
 def chain(
     count: int, edges: Sequence[Edge], roots: Sequence[int]
 ) -> tuple[Array, NDArray[np.int32]]:

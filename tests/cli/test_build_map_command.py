@@ -60,3 +60,20 @@ def test_several_captures_of_one_name_or_for_one_map_are_a_usage_error(
     result = CliRunner().invoke(cli, ["build-map", *captures, *options])
     assert result.exit_code == 2
     assert ("--maps DIR" if not options else "found two capture") in result.output
+
+
+def test_given_poses_of_several_captures_are_a_usage_error(tmp_path: Path) -> None:
+    captures = [str(tmp_path / name) for name in ("monday", "tuesday")]
+    poses = ("--trajectory", str(tmp_path / "poses.txt"))
+    result = CliRunner().invoke(cli, ["build-map", *captures, "--maps", "maps", *poses])
+    assert result.exit_code == 2
+    assert "one CAPTURE with --trajectory" in result.output
+
+
+def test_given_poses_of_another_clock_leave_no_map(tiny_capture: Path, tmp_path: Path) -> None:
+    poses = tmp_path / "poses.txt"
+    poses.write_text("1e6 0 0 0 0 0 0 1\n")
+    result = run(tiny_capture, "--map", tmp_path / "map", "--trajectory", poses)
+    assert result.return_value == 1
+    assert "expected given poses within 0.02 s" in result.stderr
+    assert not (tmp_path / "map" / "odometry").exists()

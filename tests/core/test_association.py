@@ -1,6 +1,6 @@
 import numpy as np
 
-from vnav.core.association import associate
+from vnav.core.association import associate, span
 
 
 def as_tum_does(a: np.ndarray, b: np.ndarray, largest_s: float) -> list[tuple[int, int]]:
@@ -36,3 +36,8 @@ def test_long_lists_with_dense_times_are_associated_one_to_one() -> None:
     matches = associate(stamps, stamps[::-1] + 0.004, 0.02)
     np.testing.assert_array_equal(matches[:, 0], np.arange(20_000))
     np.testing.assert_array_equal(matches[:, 1], np.arange(20_000)[::-1])
+
+
+def test_a_span_names_first_and_last_time_or_none() -> None:
+    assert span(np.array([2.5, 1.0, 31.25])) == "1.000 to 31.250 s"
+    assert span(np.zeros(0)) == "no time at all"

@@ -29,11 +29,13 @@ class Scene:
     keyframes: list[Keyframe]
     matches: np.ndarray
 
-    def adjusted(self, start: np.ndarray, matches: np.ndarray | None = None) -> Adjusted:
+    def adjusted(
+        self, start: np.ndarray, matches: np.ndarray | None = None, fixed: bool = False
+    ) -> Adjusted:
         tracks = Tracks(self.keyframes, self.matches if matches is None else matches)
         model = SensorModel([CAMERA] * len(self.keyframes), NOISE)
         joined = [(i, j) for i, j in JOINED if np.isfinite(start[[i, j], 0, 0]).all()]
-        return adjust_landmarks(start, tracks, joined, model, CONFIG)
+        return adjust_landmarks(start, tracks, joined, model, CONFIG, fixed)
 
 
 def scene(seed: int) -> Scene:
@@ -99,6 +101,19 @@ def test_landmarks_lie_where_the_points_are() -> None:
     nearest = np.linalg.norm(landmarks.points_world[:, None] - made.points, axis=2)
     off = nearest.min(1) / (np.sqrt(3) * landmarks.sigma_m)
     assert np.median(off[np.bincount(landmarks.landmark) > 1]) < 1.5
+
+
+def test_fixed_poses_stay_and_landmarks_are_adjusted_to_them() -> None:
+    made = scene(1)
+    result = made.adjusted(made.T, fixed=True)
+    np.testing.assert_array_equal(result.T_world_camera, made.T)
+    np.testing.assert_array_equal(result.covariance, np.zeros((KEYFRAMES, 6, 6)))
+    # Of SHARED points with noise of their own; better than the mean of their depths alone.
+    landmarks = result.landmarks
+    shared = np.bincount(landmarks.landmark) > 1
+    off = np.linalg.norm(landmarks.points_world[shared][:, None] - made.points, axis=2).min(1)
+    assert np.median(off / (np.sqrt(3) * landmarks.sigma_m[shared])) < 1
+    assert result.rms_px_after < result.rms_px_before
 
 
 def test_matched_features_are_one_landmark_and_the_others_one_each() -> None:

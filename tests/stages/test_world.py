@@ -10,7 +10,7 @@ import pytest
 from vnav.core import se3
 from vnav.core.camera import Intrinsics
 from vnav.core.mapping import World
-from vnav.stages.world import Surface, find_world, seen_surface
+from vnav.stages.world import Surface, find_world, in_given, seen_surface
 
 NOISE_M = 0.01
 HEIGHT_M, TILT_DEG = 0.003, 0.2
@@ -214,3 +214,23 @@ def test_no_depth_gives_no_surface() -> None:
     empty = np.zeros((CAMERA.height, CAMERA.width), np.float32)
     assert len(seen_surface([empty], [CAMERA], np.eye(4)[None], 8.0).points) == 0
     assert len(seen_surface([], [], np.zeros((0, 4, 4)), 8.0).points) == 0
+
+
+def test_a_given_world_says_where_its_floor_lies() -> None:
+    # "Any" is the world given: how the room lies in it is known.
+    T_floor_given, found_world = find_world(
+        surface(FLOOR, *WALLS), cameras(), np.random.default_rng(0)
+    )
+    world = in_given(found_world, T_floor_given, cameras()[0])
+    up = T_any_room[:3, 2]
+    foot = cameras()[0, :3, 3] - 1.2 * up  # the cameras are 1.2 m above the floor
+    assert world.source == "given"
+    assert world.floor_z_m == pytest.approx(foot[2], abs=HEIGHT_M + 1.2 * np.deg2rad(TILT_DEG))
+    assert world.floor_tilt_deg == pytest.approx(np.rad2deg(np.arccos(up[2])), abs=TILT_DEG)
+    assert "tilted by" in world.doubt
+
+
+def test_a_given_world_in_which_no_floor_is_seen_says_so() -> None:
+    world = in_given(World("cameras", 0, None), np.eye(4), np.eye(4))
+    assert (world.source, world.floor_z_m, world.floor_tilt_deg) == ("given", None, None)
+    assert world.doubt.startswith("no floor was seen")

@@ -28,3 +28,10 @@ def associate(
             free_a[i] = free_b[j] = False
             matches.append((i, j))
     return np.array(sorted(matches), np.intp).reshape(-1, 2)
+
+
+def span(stamps_s: NDArray[np.float64]) -> str:
+    """First and last of some times, for a person."""
+    if not len(stamps_s):
+        return "no time at all"
+    return f"{np.min(stamps_s):.3f} to {np.max(stamps_s):.3f} s"

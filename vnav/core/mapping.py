@@ -9,6 +9,7 @@ from vnav.core.arrays import frozen
 from vnav.core.frame import Edge, Features
 
 LOST = -1
+FLOOR_OFF_M, FLOOR_TILT_DEG = 0.05, 2.0  # of a given world, where the grid still fits
 
 
 @dataclass(frozen=True)
@@ -60,7 +61,8 @@ class Odometry:
 
     ``T_segment_camera`` (N, 4, 4): pose of every frame in the first frame of its segment, NaN
     where lost; ``segment`` (N,): number of its segment, LOST where lost; ``reasons``: why, empty
-    where tracked; ``edges`` between rows; ``keyframes`` in order of row.
+    where tracked; ``edges`` between rows; ``keyframes`` in order of row; ``given``: the poses come
+    from outside and stay as they are, in the world that they were given in.
     """
 
     frames: FrameTable
@@ -69,6 +71,7 @@ class Odometry:
     reasons: tuple[str, ...]
     edges: tuple[Edge, ...]
     keyframes: tuple[Keyframe, ...]
+    given: bool = False
 
 
 @dataclass(frozen=True)
@@ -125,13 +128,33 @@ class Landmarks:
 class World:
     """How the world frame was found: z up, floor at z = 0.
 
-    ``source`` is "floor", "structure" or "cameras"; ``floor_points`` the points found on the floor;
-    ``floor_rms_m`` their spread about z = 0, None without a floor.
+    ``source`` is "floor", "structure" or "cameras", or "given" where the poses came with a world;
+    ``floor_points`` the points found on the floor; ``floor_rms_m`` their spread about its plane,
+    None without a floor; ``floor_z_m``, ``floor_tilt_deg``: where a given world has the floor that
+    was found, below the first camera, and the angle of its normal to z.
     """
 
     source: str
     floor_points: int
     floor_rms_m: float | None
+    floor_z_m: float | None = None
+    floor_tilt_deg: float | None = None
+
+    @property
+    def doubt(self) -> str:
+        """Why heights and the grid may be wrong; empty where they are not."""
+        if self.source == "floor":
+            return ""
+        if self.source != "given":
+            return f"no floor was seen: up was found from the {self.source}"
+        if self.floor_z_m is None or self.floor_tilt_deg is None:
+            return "no floor was seen: z up and z = 0 are as given"
+        if abs(self.floor_z_m) <= FLOOR_OFF_M and self.floor_tilt_deg <= FLOOR_TILT_DEG:
+            return ""
+        return (
+            f"in the given world the floor lies at z = {self.floor_z_m:.2f} m, tilted by"
+            f" {self.floor_tilt_deg:.0f} deg: heights and the grid expect it at z = 0, z up"
+        )
 
 
 @dataclass(frozen=True)

@@ -44,6 +44,7 @@ def save_odometry(draft: Path, odometry: Odometry) -> None:
         stamp_s=frames.stamp_s,
         T_segment_camera=odometry.T_segment_camera,
         segment=odometry.segment,
+        given=np.array(odometry.given),
     )
     write_text(draft / "lost.json", to_json({r: t for r, t in enumerate(odometry.reasons) if t}))
     save_arrays(draft / "edges.npz", **edges_to_arrays(odometry.edges))
@@ -62,6 +63,7 @@ def load_odometry(folder: MapFolder) -> Odometry:
         tuple(lost.get(str(row), "") for row in range(len(frames["index"]))),
         edges_from_arrays(_load(stage / "edges.npz")),
         _keyframes_from_arrays(_load(stage / "keyframes.npz")),
+        bool(frames.get("given", False)),
     )
 
 

@@ -1,5 +1,6 @@
 """Trajectory files: TUM (read, written) and KITTI (written)."""
 
+import hashlib
 import itertools
 from collections.abc import Sequence
 from pathlib import Path
@@ -46,6 +47,12 @@ def read_photo_poses(path: Path) -> dict[str, NDArray[np.float64]]:
         values = _values(path, number, line, ["0", *words], "filename")
         poses[name] = se3.make(se3.rotation_from_quat(values[4:]), values[1:4])
     return poses
+
+
+def fingerprint(trajectory: Trajectory) -> str:
+    """A hash of all times and poses."""
+    content = trajectory.stamps_s.tobytes() + trajectory.T_world_camera.tobytes()
+    return hashlib.sha256(content).hexdigest()
 
 
 def write_tum(path: Path, trajectory: Trajectory) -> None:

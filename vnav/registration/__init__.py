@@ -60,7 +60,9 @@ def register(
     config = sensor.config
     near: PoseEstimate | Rejected = Rejected("no prediction")
     if predicted is not None:
-        matches = _near(a, b, predicted, sensor, config.search_radius_px, config.search_features)
+        matches = matches_near(
+            a, b, predicted, sensor, config.search_radius_px, config.search_features
+        )
         near = _estimate(a, b, matches, sensor, rng)
         if isinstance(near, PoseEstimate) and near.inlier_share >= config.sure_inlier_share:
             return _polished(near, a, b, sensor)
@@ -70,7 +72,7 @@ def register(
     return max(found, key=lambda estimate: len(estimate.inliers), default=everywhere)
 
 
-def _near(
+def matches_near(
     a: Keyframe,
     b: Keyframe,
     T_a_b: Array,
@@ -78,7 +80,10 @@ def _near(
     radius_px: float,
     strongest: int | None = None,
 ) -> NDArray[np.int32]:
-    """Matches close to where a motion puts a's features, or the strongest of them, in b."""
+    """Rows (M, 2) of a's and b's features that match close to where a motion puts a's in b.
+
+    Only a's ``strongest`` are sought, or all; of those without a 3D point none is.
+    """
     seen_from_b = se3.transform(se3.inverse(T_a_b), a.points_camera[:strongest])
     predicted_px = np.full((len(a.features), 2), np.nan)
     predicted_px[:strongest] = sensor.intrinsics.project(seen_from_b)
@@ -108,7 +113,7 @@ def _estimate(
 
 def _polished(found: PoseEstimate, a: Keyframe, b: Keyframe, sensor: Sensor) -> PoseEstimate:
     """The estimate from all matches close to where the motion puts them, if those are more."""
-    closer = _near(a, b, found.T_a_b, sensor, sensor.config.polish_radius_px)
+    closer = matches_near(a, b, found.T_a_b, sensor, sensor.config.polish_radius_px)
     if len(closer) <= len(found.inliers):
         return found
     pairs = Pairs(a, b, closer, sensor.intrinsics, sensor.config)

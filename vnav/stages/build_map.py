@@ -7,9 +7,11 @@ from pathlib import Path
 from vnav.config import Config
 from vnav.core.progress import Progress, silent
 from vnav.core.report import Report
+from vnav.core.trajectory import Trajectory
 from vnav.errors import MapError
 from vnav.io.capture import Capture, open_capture
 from vnav.io.map_folder import STAGES, MapFolder
+from vnav.io.trajectories import read_tum
 from vnav.stages.check import require_usable
 from vnav.stages.common import clock, finished, peak_memory_mb
 
@@ -22,6 +24,7 @@ class Task:
     map_dir: Path
     config: Config
     camera: Path | None = None
+    trajectory: Path | None = None
     fresh: bool = False
     force: bool = False
 
@@ -42,9 +45,10 @@ class Built:
 def build(task: Task, progress: Progress = silent) -> Built:
     """Make the map of one capture; VnavError where there is none to be made."""
     capture = open_capture(task.capture, task.config.capture, task.camera)
+    given = read_tum(task.trajectory) if task.trajectory else None
     checked = require_usable(capture, force=task.force, progress=progress)
     folder = MapFolder.create(task.map_dir, task.fresh)
-    reports = build_map(folder, [capture], task.config, progress=progress)
+    reports = build_map(folder, [capture], task.config, given=given, progress=progress)
     return Built(checked.warnings, reports)
 
 
@@ -53,10 +57,12 @@ def build_map(
     captures: Sequence[Capture],
     config: Config,
     *,
+    given: Trajectory | None = None,
     progress: Progress = silent,
 ) -> list[Report]:
     """Run every stage that is not up to date; their reports in order, that of the whole run last.
 
+    With ``given`` poses, the map is made at these.
     MapError where the map was made of other captures.
     """
     started = clock()
@@ -64,7 +70,7 @@ def build_map(
     from vnav.stages import fuse, index, loops, odometry, optimise, pictures, vocabulary
 
     reports = [
-        odometry.run(folder, captures, config, progress=progress),
+        odometry.run(folder, captures, config, given=given, progress=progress),
         vocabulary.run(folder, config, progress=progress),
         loops.run(folder, config, progress=progress),
         optimise.run(folder, config, progress=progress),

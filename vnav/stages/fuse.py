@@ -150,10 +150,8 @@ def _report(fused: Fused, leaves: Leaves, grid: Grid, world: World, keyframes: i
         f" {area_m2['free']:.1f} m2 free, {area_m2['occupied']:.1f} m2 occupied",
     )
     warnings = []
-    if world.source != "floor":
-        warnings.append(
-            f"no floor was seen (up is from {world.source}): the grid's heights may be wrong"
-        )
+    if world.doubt:
+        warnings.append(f"the grid's heights may be wrong: {world.doubt}")
     if not area_m2["free"]:
         warnings.append("no free floor was seen: no path can be planned on this map")
     return Report(STAGE, values, lines, tuple(warnings))

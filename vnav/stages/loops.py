@@ -77,16 +77,26 @@ def close(
     found = Closures()
     verify(by_appearance(odometry, tree, config.loops), found)
     for _ in range(config.loops.proximity_rounds):
-        initial, part = posegraph.join(odometry.T_segment_camera, odometry.segment, found.edges)
-        graph = posegraph.optimise(
-            initial, odometry.edges, found.edges, config.optimise.max_closure_sigmas
-        )
-        overlap = view_overlap(odometry, graph.T_world_camera, part, cameras)
+        T_world_camera, part = _posed(odometry, found.edges, config)
+        overlap = view_overlap(odometry, T_world_camera, part, cameras)
         pairs = by_proximity(overlap, config.loops, found.tried)
         if not pairs:
             break
-        verify(pairs, found, graph.T_world_camera)
+        verify(pairs, found, T_world_camera)
     return found
+
+
+def _posed(
+    odometry: Odometry, closures: Sequence[Edge], config: Config
+) -> tuple[Array, NDArray[np.int32]]:
+    """Poses (N, 4, 4) and parts (N,) as the closures so far give them, or as they were given."""
+    if odometry.given:
+        return odometry.T_segment_camera, odometry.segment
+    initial, part = posegraph.join(odometry.T_segment_camera, odometry.segment, closures)
+    graph = posegraph.optimise(
+        initial, odometry.edges, closures, config.optimise.max_closure_sigmas
+    )
+    return graph.T_world_camera, part
 
 
 def by_appearance(odometry: Odometry, tree: VocabularyTree, config: LoopsConfig) -> list[Candidate]:

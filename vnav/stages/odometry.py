@@ -17,6 +17,7 @@ from vnav.core.frame import Edge, Frame, PoseEstimate, Rejected
 from vnav.core.mapping import LOST, FrameTable, Keyframe, Odometry
 from vnav.core.progress import Progress, silent
 from vnav.core.report import Report
+from vnav.core.trajectory import Trajectory
 from vnav.errors import CaptureError
 from vnav.features import front_end
 from vnav.features.appearance import signature
@@ -26,9 +27,11 @@ from vnav.io.artifacts import save_keyframe, save_odometry
 from vnav.io.capture import Capture
 from vnav.io.map_folder import MapFolder
 from vnav.io.rectify import rectified
+from vnav.io.trajectories import fingerprint
 from vnav.posegraph import chain
 from vnav.registration import Sensor, register
 from vnav.stages.common import clock, finished, reused, settings_of
+from vnav.stages.given import Follower, poses_at
 
 
 def run(
@@ -36,16 +39,22 @@ def run(
     captures: Sequence[Capture],
     config: Config,
     *,
+    given: Trajectory | None = None,
     progress: Progress = silent,
 ) -> Report:
-    """Track every frame of the captures, choose keyframes, name what is lost."""
+    """Track every frame of the captures, choose keyframes, name what is lost.
+
+    With ``given`` poses nothing is tracked: they are taken for what they are.
+    """
     started = clock()
     settings = settings_of(config, "capture", "features", "registration", "odometry")
     inputs = {f"capture_{k}": capture.fingerprint() for k, capture in enumerate(captures)}
+    if given is not None:
+        inputs["trajectory"] = fingerprint(given)
     if folder.is_current("odometry", settings, inputs):
         return reused(folder, "odometry")
     with folder.writing("odometry", settings, inputs) as draft:
-        odometry = track(captures, config, draft, progress)
+        odometry = track(captures, config, draft, progress, given)
         save_odometry(draft, odometry)
         folder.set_captures(
             [_described(k, c, inputs[f"capture_{k}"]) for k, c in enumerate(captures)]
@@ -54,11 +63,20 @@ def run(
 
 
 def track(
-    captures: Sequence[Capture], config: Config, draft: Path, progress: Progress = silent
+    captures: Sequence[Capture],
+    config: Config,
+    draft: Path,
+    progress: Progress = silent,
+    given: Trajectory | None = None,
 ) -> Odometry:
-    """Odometry over all frames; keyframes' images are written into the draft as they are chosen."""
+    """Odometry over all frames; keyframes' images are written into the draft as they are chosen.
+
+    TrajectoryError where hardly any frame has a pose of those ``given``.
+    """
     frames = _frame_table(captures)
-    tracker = Tracker(config)
+    tracker: Tracker | Follower = Tracker(config)
+    if given is not None:
+        tracker = Follower(poses_at(frames.stamp_s, given, config.capture.association_s), config)
     with ThreadPoolExecutor(os.cpu_count()) as pool:
         written = []
         for row, seen in _described_frames(captures, config, pool):
@@ -274,9 +292,8 @@ def _report(odometry: Odometry) -> Report:
         "edges": len(odometry.edges),
         "features_median": float(np.median([len(k.features) for k in odometry.keyframes])),
     }
-    line = (
-        f"{tracked} of {len(odometry.frames)} frames tracked, {len(odometry.keyframes)} keyframes"
-    )
+    how = "have a given pose" if odometry.given else "tracked"
+    line = f"{tracked} of {len(odometry.frames)} frames {how}, {len(odometry.keyframes)} keyframes"
     if len(segments) > 1:
         line += f", in {len(segments)} segments"
     warnings = tuple(

@@ -31,7 +31,7 @@ from vnav.io.map_folder import MapFolder
 from vnav.io.trajectories import write_tum
 from vnav.stages.common import clock, finished, reused, settings_of
 from vnav.stages.landmarks import Adjusted, Tracks, adjust_landmarks
-from vnav.stages.world import find_world, seen_surface
+from vnav.stages.world import find_world, in_given, seen_surface
 
 Array = NDArray[np.float64]
 
@@ -83,7 +83,12 @@ def solve(
     config: Config,
     progress: Progress = silent,
 ) -> Solved:
-    """Robust pose graph, bundle adjustment of the keyframes, then the frames between them."""
+    """Robust pose graph, bundle adjustment of the keyframes, then the frames between them.
+
+    Given poses stay as they are: only landmarks are adjusted.
+    """
+    if odometry.given:
+        return _on_given(odometry, closures, matches, cameras, config)
     initial, part = posegraph.join(odometry.T_segment_camera, odometry.segment, closures)
     graph = posegraph.optimise(
         initial, odometry.edges, closures, config.optimise.max_closure_sigmas
@@ -101,6 +106,20 @@ def solve(
     poses = posegraph.carry(poses, edges, rows[np.isfinite(poses[rows, 0, 0])])
     progress("optimise", 3, 3)
     return Solved(poses, adjusted, graph, kept, others)
+
+
+def _on_given(
+    odometry: Odometry,
+    closures: Sequence[Edge],
+    matches: NDArray[np.int32],
+    cameras: Sequence[Intrinsics],
+    config: Config,
+) -> Solved:
+    """Which closures agree with the given poses, and the landmarks that their matches make."""
+    poses = odometry.T_segment_camera
+    graph = posegraph.held(poses, closures, config.optimise.max_closure_sigmas)
+    kept = tuple(e for e, keep in zip(closures, graph.kept, strict=True) if keep)
+    return Solved(poses, _adjust(poses, odometry, kept, matches, cameras, config), graph, kept, {})
 
 
 def judged(verdicts: Sequence[LoopVerdict], graph: posegraph.PoseGraph) -> list[LoopVerdict]:
@@ -141,7 +160,9 @@ def _adjust(
     known = np.isfinite(poses[rows, 0, 0])
     neighbours = {(k, k + 1) for k in range(len(rows) - 1) if segment[k] == segment[k + 1]}
     joined = [(i, j) for i, j in sorted(neighbours | kept) if known[i] and known[j]]
-    return adjust_landmarks(poses[rows], tracks, joined, model, config.optimise)
+    return adjust_landmarks(
+        poses[rows], tracks, joined, model, config.optimise, fixed=odometry.given
+    )
 
 
 def _moved_along(poses: Array, adjusted: Array, rows: NDArray[np.intp]) -> Array:
@@ -159,7 +180,7 @@ def stand_up(
     cameras: Sequence[Intrinsics],
     config: Config,
 ) -> OptimisedMap:
-    """The solution in the world frame: z up, floor at z = 0."""
+    """The solution in the world frame: z up, floor at z = 0; given poses keep their own world."""
     T_any_camera = solved.adjusted.T_world_camera
     numbers = np.flatnonzero(np.isfinite(T_any_camera[:, 0, 0]))
     rows = [odometry.keyframes[k].row for k in numbers]
@@ -168,6 +189,8 @@ def stand_up(
     surface = seen_surface(depths, intrinsics, T_any_camera[numbers], config.odometry.max_depth_m)
     rng = np.random.default_rng([config.seed, 2])
     T_world_any, world = find_world(surface, T_any_camera[numbers], rng)
+    if odometry.given:
+        T_world_any, world = np.eye(4), in_given(world, T_world_any, T_any_camera[numbers[0]])
     landmarks = solved.adjusted.landmarks
     points = se3.transform(T_world_any, landmarks.points_world).astype(np.float32)
     return OptimisedMap(
@@ -190,6 +213,7 @@ def _write_trajectories(draft: Path, odometry: Odometry, T_world_camera: Array) 
 def _report(solved: Solved, result: OptimisedMap, odometry: Odometry) -> Report:
     posed = int(np.isfinite(result.T_world_camera[:, 0, 0]).sum())
     adjusted, kept = solved.adjusted, len(solved.closures)
+    rejected = len(solved.graph.kept) - kept
     values = {
         "frames": len(odometry.frames),
         "posed": posed,
@@ -198,7 +222,7 @@ def _report(solved: Solved, result: OptimisedMap, odometry: Odometry) -> Report:
             for r in (np.flatnonzero(np.isfinite(solved.poses[:, 0, 0])), *solved.others.values())
         ],
         "closures_kept": kept,
-        "closures_rejected": len(solved.graph.kept) - kept,
+        "closures_rejected": rejected,
         "graph_error_before": solved.graph.error_before,
         "graph_error_after": solved.graph.error_after,
         "landmarks": len(adjusted.landmarks),
@@ -216,7 +240,7 @@ def _report(solved: Solved, result: OptimisedMap, odometry: Odometry) -> Report:
         )
     lines = (
         f"{posed} of {len(odometry.frames)} frames have a pose; {kept} closures kept,"
-        f" {len(solved.graph.kept) - kept} rejected",
+        f" {rejected} rejected",
         landmarks,
     )
     warnings = []
@@ -225,6 +249,11 @@ def _report(solved: Solved, result: OptimisedMap, odometry: Odometry) -> Report:
             f"frames {rows[0]} to {rows[-1]} are a part of their own, for no loop joins them to the"
             f" rest: their trajectory is in optimise/{name}, the map is of the largest part"
         )
-    if result.world.source != "floor":
-        warnings.append(f"no floor was seen: up was found from the {result.world.source}")
+    if odometry.given and rejected > kept:
+        warnings.append(
+            f"the given poses contradict the images: {rejected} of {kept + rejected} pairs of keyframes stand otherwise to each other; expected"
+            " metres and camera to world, the camera's x right, y down, z forward"
+        )
+    if result.world.doubt:
+        warnings.append(result.world.doubt)
     return Report("optimise", values, lines, tuple(warnings))

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from vnav import metrics
-from vnav.core.association import associate
+from vnav.core.association import associate, span
 from vnav.core.trajectory import Trajectory
 from vnav.errors import TrajectoryError
 
@@ -105,10 +105,7 @@ def _plain(error: metrics.RelativeError) -> dict[str, Any]:
 
 
 def _too_few(estimate: Trajectory, truth: Trajectory, found: int, max_difference_s: float) -> str:
-    spans = " and ".join(
-        f"{t.stamps_s[0]:.3f} to {t.stamps_s[-1]:.3f} s" if len(t) else "no time at all"
-        for t in (estimate, truth)
-    )
+    spans = f"{span(estimate.stamps_s)} and {span(truth.stamps_s)}"
     return (
         f"expected at least {MIN_PAIRS} poses with a true one within {max_difference_s:g} s, found"
         f" {found} of {len(estimate)} poses and {len(truth)} true ones, from {spans}; check that"

@@ -51,6 +51,20 @@ def find_world(
     return _upright(up, height, surface, T_any_camera), World("floor", int(members.sum()), rms)
 
 
+def in_given(found: World, T_floor_given: Array, T_given_camera: Array) -> World:
+    """A given world, which is not moved, and where the floor that was found lies in it.
+
+    ``T_floor_given``: as `find_world` gives it; ``T_given_camera``: a camera above the floor.
+    """
+    if found.source != "floor":
+        return World("given", 0, None)
+    up = T_floor_given[2, :3]
+    camera = T_given_camera[:3, 3]
+    foot = camera - (camera @ up + T_floor_given[2, 3]) * up
+    tilt_deg = float(np.rad2deg(np.arccos(np.clip(up[2], -1, 1))))
+    return World("given", found.floor_points, found.floor_rms_m, float(foot[2]), tilt_deg)
+
+
 def seen_surface(
     depths: Sequence[NDArray[np.float32]],
     cameras: Sequence[Intrinsics],
