@@ -1,8 +1,8 @@
 """Every command line that README and docs show is run, and every link leads somewhere.
 
 A ``console`` block's lines that begin with "$ " are run in order, a document in one folder, where
-my_capture, photo.jpg, goal.jpg and my_suite.toml lie; each must exit with 0. ``sh`` blocks need a network, or
-minutes, and are not run.
+my_capture, photo.jpg, goal.jpg and my_suite.toml lie; each must exit with 0. ``sh`` blocks need a
+network, or minutes, and are not run.
 """
 
 import os

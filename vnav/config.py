@@ -50,7 +50,7 @@ class RegistrationConfig:
     sure_inlier_share: float = 0.85  # of those: with fewer, matches are sought everywhere too
     polish_radius_px: float = 8.0  # about where the motion found puts it
     pixel_sigma_px: float = 1.0
-    depth_sigma_per_m2: float = 0.0014  # axial depth noise: sigma = this * depth^2 (Khoshelham 2012)
+    depth_sigma_per_m2: float = 0.0014  # axial depth noise: sigma = this * z^2 (Khoshelham 2012)
     depth_window_px: int = 5  # window of the plane fit that gives a keypoint its depth
     ransac_threshold_px: float = 4.0
     ransac_iterations: int = 200
@@ -101,7 +101,7 @@ class OptimiseConfig:
     """Pose graph, landmarks, bundle adjustment."""
 
     max_closure_sigmas: float = 4.0  # a closure farther off after the optimisation is wrong
-    bundle_rounds: int = 3  # each ends with the removal of outlying observations
+    bundle_rounds: int = 2  # each ends with the removal of outlying observations
     bundle_iterations: int = 10  # per round
     weak_landmarks: int = 30  # joined keyframes that share fewer are also held by the pose graph
 

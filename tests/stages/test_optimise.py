@@ -281,3 +281,23 @@ def test_the_report_of_a_good_map_warns_of_nothing(folder: MapFolder) -> None:
     assert values["world"] == "floor"
     assert values["graph_error_after"] <= values["graph_error_before"]
     assert values["rms_px_after"] <= values["rms_px_before"]
+
+
+def test_a_keyframe_that_nothing_joins_does_not_part_those_around_it(
+    odometry: Odometry, camera: Intrinsics
+) -> None:
+    # The odometry goes on from the keyframe before the one that is lost: no neighbour of either.
+    first, lost, after = (k.row for k in odometry.keyframes[2:5])
+    gone = range(lost, after)
+    edges = [e for e in odometry.edges if e.i not in gone and e.j not in gone]
+    T_first_after = se3.inverse(odometry.T_segment_camera[first]) @ odometry.T_segment_camera[after]
+    edges.append(Edge(first, after, T_first_after, 1e4 * np.eye(6)))
+    roots = [k.row for k in odometry.keyframes]
+    poses, segment = posegraph.chain(len(odometry.frames), edges, roots)
+    torn = dataclasses.replace(
+        odometry, edges=tuple(edges), T_segment_camera=poses, segment=segment
+    )
+    solved = optimise.solve(torn, [], np.zeros((0, 4), np.int32), [camera], CONFIG)
+    posed = np.isfinite(solved.poses[:, 0, 0])
+    assert posed[after:].all()
+    assert not posed[lost:after].any()

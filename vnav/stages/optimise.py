@@ -3,6 +3,7 @@
 import dataclasses
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -158,7 +159,8 @@ def _adjust(
     model = SensorModel([cameras[odometry.frames.capture[r]] for r in rows], config.registration)
     segment = odometry.segment[rows]
     known = np.isfinite(poses[rows, 0, 0])
-    neighbours = {(k, k + 1) for k in range(len(rows) - 1) if segment[k] == segment[k + 1]}
+    of_segment = [np.flatnonzero(segment == s).tolist() for s in np.unique(segment)]
+    neighbours = {pair for keyframes in of_segment for pair in pairwise(keyframes)}
     joined = [(i, j) for i, j in sorted(neighbours | kept) if known[i] and known[j]]
     return adjust_landmarks(
         poses[rows], tracks, joined, model, config.optimise, fixed=odometry.given
@@ -251,8 +253,9 @@ def _report(solved: Solved, result: OptimisedMap, odometry: Odometry) -> Report:
         )
     if odometry.given and rejected > kept:
         warnings.append(
-            f"the given poses contradict the images: {rejected} of {kept + rejected} pairs of keyframes stand otherwise to each other; expected"
-            " metres and camera to world, the camera's x right, y down, z forward"
+            f"the given poses contradict the images: {rejected} of {kept + rejected} pairs of"
+            " keyframes stand otherwise to each other; expected metres and camera to world, the"
+            " camera's x right, y down, z forward"
         )
     if result.world.doubt:
         warnings.append(result.world.doubt)
