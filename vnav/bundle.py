@@ -21,6 +21,7 @@ MEDIAN_TO_SIGMA = 1.4826  # of a normal distribution
 LONG_TRACK = 3  # sightings: two leave little over to tell noise from
 ENOUGH = 100  # of them; fewer tell no noise
 LEAST_PIXEL_SIGMA, LEAST_DEPTH_SIGMA = 0.1, 1e-4  # a perfect capture would divide by zero
+EXACT_SIGMA, PRIOR_SIGMA = 1e-5, 1e-3  # rad, m: of poses that stay, and at least of a prior
 CONVERGED = 1e-3  # relative decrease of the error; a hundredth of it moves no pose by 0.1 mm
 
 
@@ -51,6 +52,18 @@ class Bundle:
 
     T_world_camera: Array
     points_world: Array
+
+
+@dataclass(frozen=True)
+class Prior:
+    """Poses (K, 4, 4) that were given, and the standard deviations (6,) of their tangents.
+
+    Rotation first, rad and m. ``fixed``: the poses stay where they are, whatever their noise.
+    """
+
+    T_world_camera: Array
+    sigmas: Array
+    fixed: bool
 
 
 class SensorModel:
@@ -139,11 +152,11 @@ def adjust(
     edges: Sequence[Edge],
     model: SensorModel,
     iterations: int,
-    fixed: bool = False,
+    prior: Prior | None = None,
 ) -> Bundle:
     """Poses and points that explain all observations best; the first camera stays where it is.
 
-    Where the poses are ``fixed``, they all do, and only the points are adjusted.
+    Where there is a ``prior``, it holds all cameras instead; if it is fixed, only points move.
     A stereo factor with a virtual baseline gives depth noise that grows with depth squared;
     observations without depth are plain projections. ``edges`` hold cameras that see little.
     Levenberg-Marquardt with a Cauchy kernel; deterministic. Without observations and edges nothing
@@ -151,13 +164,13 @@ def adjust(
     """
     if not len(_cameras(seen, edges)):
         return initial
-    graph, values = _problem(initial, seen, edges, model, fixed)
+    graph, values = _problem(initial, seen, edges, model, prior)
     params = gtsam.LevenbergMarquardtParams()
     params.setMaxIterations(iterations)
     params.setRelativeErrorTol(CONVERGED)
     values = gtsam.LevenbergMarquardtOptimizer(graph, values, params).optimize()
     poses, points = initial.T_world_camera.copy(), initial.points_world.copy()
-    for k in () if fixed else _cameras(seen, edges):
+    for k in () if prior and prior.fixed else _cameras(seen, edges):
         poses[k] = values.atPose3(_pose(k)).matrix()
     for n in np.unique(seen.landmark):
         points[n] = values.atPoint3(_point(n))
@@ -165,17 +178,24 @@ def adjust(
 
 
 def covariances(
-    bundle: Bundle, seen: Observations, edges: Sequence[Edge], model: SensorModel
+    bundle: Bundle,
+    seen: Observations,
+    edges: Sequence[Edge],
+    model: SensorModel,
+    prior: Prior | None = None,
 ) -> Array:
     """Marginal covariance (K, 6, 6) of each camera's tangent, rotation first; NaN if unseen.
 
-    Relative to the first camera, which is held.
+    Relative to the first camera, which is held, or to the world of the ``prior``; that of the prior
+    itself where it is fixed.
     """
+    if prior and prior.fixed:
+        return np.tile(np.diag(prior.sigmas**2), (len(bundle.T_world_camera), 1, 1))
     result = np.full((len(bundle.T_world_camera), 6, 6), np.nan)
     cameras = _cameras(seen, edges)
     if not len(cameras):
         return result
-    marginals = gtsam.Marginals(*_problem(bundle, seen, edges, model))
+    marginals = gtsam.Marginals(*_problem(bundle, seen, edges, model, prior))
     for k in cameras:
         result[k] = marginals.marginalCovariance(_pose(k))
     return result
@@ -186,7 +206,7 @@ def _problem(
     seen: Observations,
     edges: Sequence[Edge],
     model: SensorModel,
-    fixed: bool = False,
+    prior: Prior | None = None,
 ) -> tuple[Any, Any]:
     graph, values = gtsam.NonlinearFactorGraph(), gtsam.Values()
     cameras = _cameras(seen, edges)
@@ -194,9 +214,11 @@ def _problem(
         values.insert(_pose(k), gtsam.Pose3(bundle.T_world_camera[k]))
     for n in np.unique(seen.landmark):
         values.insert(_point(n), bundle.points_world[n])
-    tight = gtsam.noiseModel.Isotropic.Sigma(6, 1e-5)
-    for k in cameras if fixed else cameras[:1]:
-        graph.add(gtsam.PriorFactorPose3(_pose(k), values.atPose3(_pose(k)), tight))
+    held = prior or Prior(bundle.T_world_camera, np.zeros(6), fixed=True)
+    sigmas = np.full(6, EXACT_SIGMA) if held.fixed else np.maximum(held.sigmas, PRIOR_SIGMA)
+    spread = gtsam.noiseModel.Diagonal.Sigmas(sigmas)
+    for k in cameras if prior else cameras[:1]:
+        graph.add(gtsam.PriorFactorPose3(_pose(k), gtsam.Pose3(held.T_world_camera[k]), spread))
     _add_observations(graph, seen, model)
     for e in edges:
         noise = gtsam.noiseModel.Gaussian.Information(e.information)

@@ -104,6 +104,7 @@ class OptimiseConfig:
     bundle_rounds: int = 2  # each ends with the removal of outlying observations
     bundle_iterations: int = 10  # per round
     weak_landmarks: int = 30  # joined keyframes that share fewer are also held by the pose graph
+    given_poses: str = "fixed"  # or prior: adjusted within the noise that loops show them to have
 
 
 @dataclass(frozen=True)

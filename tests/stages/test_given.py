@@ -7,12 +7,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from vnav.config import CaptureConfig, Config, FeaturesConfig
+from vnav.config import CaptureConfig, Config, FeaturesConfig, OptimiseConfig
 from vnav.core import se3
 from vnav.core.frame import Frame
 from vnav.core.mapping import LOST, Odometry, OptimisedMap
 from vnav.core.trajectory import Trajectory
-from vnav.errors import CaptureError, TrajectoryError
+from vnav.errors import CaptureError, ConfigError, TrajectoryError
 from vnav.io.artifacts import (
     load_loop_edges,
     load_loops,
@@ -29,6 +29,7 @@ from vnav.stages.given import NO_POSE, poses_at
 from vnav.synthetic import MINIATURE, one_room
 
 CONFIG = Config(features=FeaturesConfig(max_features=500))  # a third: quick
+NOISE = np.repeat([0.015, 0.03], 3)  # rad, m
 WITHOUT = 7  # the frame whose pose is left out
 
 
@@ -151,6 +152,63 @@ def test_given_poses_are_certain(result: OptimisedMap, tracked: Odometry) -> Non
     assert not result.keyframe_covariance.any()
 
 
+def with_noise(tracked: Odometry, sigmas: np.ndarray) -> Odometry:
+    """Each pose off on its own."""
+    xi = sigmas * np.random.default_rng(0).standard_normal((len(tracked.frames), 6))
+    return dataclasses.replace(tracked, T_segment_camera=tracked.T_segment_camera @ se3.exp(xi))
+
+
+@pytest.fixture(scope="module")
+def noisy(
+    folder: MapFolder, tracked: Odometry, tmp_path_factory: pytest.TempPathFactory
+) -> MapFolder:
+    """The map with poses that are off by more than a closure's noise."""
+    root = tmp_path_factory.mktemp("maps") / "noisy"
+    return remade(folder, with_noise(tracked, NOISE), root)
+
+
+def test_noise_of_given_poses_is_measured_and_said(noisy: MapFolder, tracked: Odometry) -> None:
+    report = optimise.run(noisy, CONFIG)
+    result = load_optimised(noisy)
+    poses = load_odometry(noisy).T_segment_camera
+    np.testing.assert_array_equal(result.T_world_camera, poses)
+    # From the median over pairs of a score of keyframes: within a third; the closures' own noise
+    # is in it and is a half of that put in at most.
+    sigmas = np.sqrt(np.diagonal(result.keyframe_covariance, axis1=1, axis2=2))
+    assert (sigmas == sigmas[0]).all()
+    assert ((sigmas[0] > NOISE * 0.67) & (sigmas[0] < NOISE * 1.5)).all()
+    assert report.values["given_sigma_m"] == pytest.approx(sigmas[0, 3])
+    assert any("given poses fixed: loops show noise of" in line for line in report.lines)
+
+
+def test_poses_that_are_a_prior_are_adjusted_towards_the_truth(
+    noisy: MapFolder, tracked: Odometry, truth: Trajectory
+) -> None:
+    config = Config(CONFIG.seed, optimise=OptimiseConfig(given_poses="prior"))
+    optimise.run(noisy, config)
+    result = load_optimised(noisy)
+
+    def off_m(poses: np.ndarray) -> float:
+        known = np.isfinite(poses[:, 0, 0])
+        off = (poses - truth.T_world_camera)[known, :3, 3]
+        return float(np.sqrt((off**2).sum(1).mean()))
+
+    given = load_odometry(noisy).T_segment_camera
+    # A score of keyframes, each with noise of its own, hold the map together: the mean is left.
+    assert off_m(result.T_world_camera) < 0.5 * off_m(given)
+    rows = [k.row for k in tracked.keyframes]
+    error = se3.inverse(truth.T_world_camera[rows]) @ result.T_world_camera[rows]
+    xi = np.concatenate([se3.log_so3(error[:, :3, :3]), error[:, :3, 3]], 1)
+    normalised = np.einsum("ki,kij,kj->k", xi, np.linalg.inv(result.keyframe_covariance), xi) / 6
+    assert normalised.mean() < 4  # keyframes err together: one draw, not a score
+
+
+def test_another_word_for_given_poses_is_refused(folder: MapFolder) -> None:
+    config = Config(CONFIG.seed, optimise=OptimiseConfig(given_poses="loose"))
+    with pytest.raises(ConfigError, match="expected fixed or prior.*found 'loose'"):
+        optimise.run(folder, config)
+
+
 def test_landmarks_at_given_poses_lie_on_the_surfaces_of_the_room(
     result: OptimisedMap, tracked: Odometry, truth: Trajectory
 ) -> None:
@@ -206,6 +264,7 @@ def test_poses_that_contradict_the_images_are_told(
 
 def test_closures_that_agree_are_kept(folder: MapFolder) -> None:
     report = folder.report("optimise")
+    assert report["values"]["given_sigma_m"] == 0
     assert report["values"]["closures_kept"] > 20
     assert report["values"]["closures_kept"] > report["values"]["closures_rejected"]
     assert report["warnings"] == []

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from vnav.bundle import SensorModel
+from vnav.bundle import Prior, SensorModel
 from vnav.config import OptimiseConfig, RegistrationConfig
 from vnav.core import se3
 from vnav.core.camera import Intrinsics
@@ -30,12 +30,12 @@ class Scene:
     matches: np.ndarray
 
     def adjusted(
-        self, start: np.ndarray, matches: np.ndarray | None = None, fixed: bool = False
+        self, start: np.ndarray, matches: np.ndarray | None = None, prior: Prior | None = None
     ) -> Adjusted:
         tracks = Tracks(self.keyframes, self.matches if matches is None else matches)
         model = SensorModel([CAMERA] * len(self.keyframes), NOISE)
         joined = [(i, j) for i, j in JOINED if np.isfinite(start[[i, j], 0, 0]).all()]
-        return adjust_landmarks(start, tracks, joined, model, CONFIG, fixed)
+        return adjust_landmarks(start, tracks, joined, model, CONFIG, prior)
 
 
 def scene(seed: int) -> Scene:
@@ -105,7 +105,7 @@ def test_landmarks_lie_where_the_points_are() -> None:
 
 def test_fixed_poses_stay_and_landmarks_are_adjusted_to_them() -> None:
     made = scene(1)
-    result = made.adjusted(made.T, fixed=True)
+    result = made.adjusted(made.T, prior=Prior(made.T, np.zeros(6), fixed=True))
     np.testing.assert_array_equal(result.T_world_camera, made.T)
     np.testing.assert_array_equal(result.covariance, np.zeros((KEYFRAMES, 6, 6)))
     # Of SHARED points with noise of their own; better than the mean of their depths alone.

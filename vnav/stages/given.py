@@ -1,6 +1,7 @@
 """Odometry whose poses come from outside: motion capture, a phone's tracker, another SLAM."""
 
 import itertools
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +19,9 @@ Array = NDArray[np.float64]
 NO_POSE = "no pose given"
 LEAST_SHARE = 0.1  # of the frames: with fewer, the clocks are not the same
 SIGMAS = np.repeat([0.001, 0.001], 3)  # rad, m: of the motion between neighbours
+MEDIAN_TO_SIGMA = 1.4826  # of a normal distribution
+ENOUGH = 10  # closures; fewer tell no noise
+LARGEST = np.array([0.1, 0.3])  # rad, m: poses farther off are not noisy but wrong
 
 
 def poses_at(stamps_s: Array, given: Trajectory, largest_s: float) -> Array:
@@ -37,6 +41,33 @@ def poses_at(stamps_s: Array, given: Trajectory, largest_s: float) -> Array:
     T_world_camera = np.full((len(stamps_s), 4, 4), np.nan)
     T_world_camera[frames] = given.T_world_camera[poses]
     return T_world_camera
+
+
+def noise(T_world_camera: Array, closures: Sequence[Edge]) -> Array:
+    """Standard deviations (6,) of given poses (N, 4, 4), rad and m, as closures show them.
+
+    It is how far two poses stand otherwise to each other than closures say, in the median, which
+    wrong closures do not reach; half of the variance is each pose's. Zero where the closures' own
+    noise explains it, where they are too few, and where poses are too far off to be noisy.
+    """
+    if len(closures) < ENOUGH:
+        return np.zeros(6)
+    scatter, own = _scatter(T_world_camera, closures)
+    if (scatter <= own).all() or (scatter > LARGEST).any():
+        return np.zeros(6)
+    return np.asarray(np.repeat(scatter, 3) / np.sqrt(2))
+
+
+def _scatter(T_world_camera: Array, closures: Sequence[Edge]) -> tuple[Array, Array]:
+    """How far two poses scatter about closures (2,), rad and m, and how far closures do alone."""
+    i, j = np.array([(e.i, e.j) for e in closures]).T
+    T_i_j = se3.inverse(T_world_camera[i]) @ T_world_camera[j]
+    error = se3.inverse(np.stack([e.T_i_j for e in closures])) @ T_i_j
+    off = np.stack([se3.log_so3(error[:, :3, :3]), error[:, :3, 3]], 1)
+    covariance = np.linalg.inv(np.stack([e.information for e in closures]))
+    variance = np.diagonal(covariance, axis1=1, axis2=2).reshape(-1, 2, 3)
+    scatter = MEDIAN_TO_SIGMA * np.median(np.abs(off), axis=(0, 2))
+    return scatter, np.sqrt(np.median(variance, axis=(0, 2)))
 
 
 class Follower:

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
-from vnav.bundle import Bundle, Observations, SensorModel, adjust, covariances
+from vnav.bundle import Bundle, Observations, Prior, SensorModel, adjust, covariances
 from vnav.config import OptimiseConfig
 from vnav.core import se3
 from vnav.core.frame import Edge
@@ -68,7 +68,7 @@ def adjust_landmarks(
     joined: Sequence[tuple[int, int]],
     model: SensorModel,
     config: OptimiseConfig,
-    fixed: bool = False,
+    prior: Prior | None = None,
 ) -> Adjusted:
     """Bundle adjustment in rounds, each without the observations that stand out.
 
@@ -77,8 +77,7 @@ def adjust_landmarks(
     covariances and which observations hold a landmark, stays with the settings.
 
     ``joined``: pairs of keyframes that odometry or a closure joined; where they share too few
-    landmarks, the motion of the given poses holds them. Where the poses are ``fixed``, they stay,
-    their covariances are zero, and only landmarks are adjusted.
+    landmarks, the motion of the given poses holds them. ``prior``: see `adjust`.
     """
     rows = np.flatnonzero(np.isfinite(T_world_camera[:, 0, 0])[tracks.seen.camera])
     points = tracks.lifted(T_world_camera, rows)
@@ -90,7 +89,7 @@ def adjust_landmarks(
         shared = _shared(tracks.seen, inliers)
         held = _weak_edges(T_world_camera, joined, tracks.seen[shared], config)
         rms.append(model.rms_px(bundle, tracks.seen[shared]))
-        bundle = adjust(bundle, tracks.seen[shared], held, sharp, config.bundle_iterations, fixed)
+        bundle = adjust(bundle, tracks.seen[shared], held, sharp, config.bundle_iterations, prior)
         bundle = _lift_alone(bundle, tracks, inliers, shared)
         all_shared = _shared(tracks.seen, _inliers(bundle, tracks, rows, model, 1.0))
         sharp = model.fitted(bundle, tracks.seen[all_shared])
@@ -98,10 +97,7 @@ def adjust_landmarks(
     shared = _shared(tracks.seen, rows)
     rms.append(model.rms_px(bundle, tracks.seen[shared]))
     held = _weak_edges(T_world_camera, joined, tracks.seen[shared], config)
-    if fixed:
-        covariance = np.zeros((len(T_world_camera), 6, 6))
-    else:
-        covariance = covariances(bundle, tracks.seen[shared], held, model)
+    covariance = covariances(bundle, tracks.seen[shared], held, model, prior)
     landmarks = _landmarks(bundle, tracks, rows, model)
     return Adjusted(bundle.T_world_camera, covariance, landmarks, len(shared), rms[0], rms[-1])
 

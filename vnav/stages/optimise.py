@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vnav import posegraph
-from vnav.bundle import SensorModel
+from vnav.bundle import Prior, SensorModel
 from vnav.config import Config
 from vnav.core import se3
 from vnav.core.camera import Intrinsics
@@ -19,6 +19,7 @@ from vnav.core.mapping import LOST, LoopVerdict, Odometry, OptimisedMap
 from vnav.core.progress import Progress, silent
 from vnav.core.report import Report
 from vnav.core.trajectory import Trajectory
+from vnav.errors import ConfigError
 from vnav.io.artifacts import (
     load_keyframe,
     load_loop_edges,
@@ -30,7 +31,9 @@ from vnav.io.artifacts import (
 )
 from vnav.io.map_folder import MapFolder
 from vnav.io.trajectories import write_tum
+from vnav.posegraph import softened
 from vnav.stages.common import clock, finished, reused, settings_of
+from vnav.stages.given import noise
 from vnav.stages.landmarks import Adjusted, Tracks, adjust_landmarks
 from vnav.stages.world import find_world, in_given, seen_surface
 
@@ -66,7 +69,8 @@ def run(folder: MapFolder, config: Config, *, progress: Progress = silent) -> Re
 class Solved:
     """Poses (N, 4, 4) of the main part, its adjusted keyframes and landmarks, closures kept.
 
-    ``others``: rows of the parts that no closure joins to it, by name, the largest first.
+    ``others``: rows of the parts that no closure joins to it, by name, the largest first;
+    ``prior``: of keyframes whose poses were given.
     """
 
     poses: Array
@@ -74,6 +78,7 @@ class Solved:
     graph: posegraph.PoseGraph
     closures: tuple[Edge, ...]
     others: dict[str, NDArray[np.intp]]
+    prior: Prior | None = None
 
 
 def solve(
@@ -86,7 +91,8 @@ def solve(
 ) -> Solved:
     """Robust pose graph, bundle adjustment of the keyframes, then the frames between them.
 
-    Given poses stay as they are: only landmarks are adjusted.
+    There is no pose graph where poses are given: `config.OptimiseConfig.given_poses` says whether
+    they stay as they are or are a prior.
     """
     if odometry.given:
         return _on_given(odometry, closures, matches, cameras, config)
@@ -102,9 +108,7 @@ def solve(
     progress("optimise", 1, 3)
     adjusted = _adjust(poses, odometry, kept, matches, cameras, config)
     progress("optimise", 2, 3)
-    rows = np.array([k.row for k in odometry.keyframes])
-    poses = _moved_along(poses, adjusted.T_world_camera, rows)
-    poses = posegraph.carry(poses, edges, rows[np.isfinite(poses[rows, 0, 0])])
+    poses = _carried(poses, adjusted, odometry, edges)
     progress("optimise", 3, 3)
     return Solved(poses, adjusted, graph, kept, others)
 
@@ -118,9 +122,25 @@ def _on_given(
 ) -> Solved:
     """Which closures agree with the given poses, and the landmarks that their matches make."""
     poses = odometry.T_segment_camera
-    graph = posegraph.held(poses, closures, config.optimise.max_closure_sigmas)
+    sigmas, fixed = noise(poses, closures), _is_fixed(config)
+    rad, m = np.sqrt(2) * sigmas[[0, 3]]  # of two poses
+    graph = posegraph.held(
+        poses, [softened(e, rad, m) for e in closures], config.optimise.max_closure_sigmas
+    )
     kept = tuple(e for e, keep in zip(closures, graph.kept, strict=True) if keep)
-    return Solved(poses, _adjust(poses, odometry, kept, matches, cameras, config), graph, kept, {})
+    rows = np.array([k.row for k in odometry.keyframes])
+    prior = Prior(poses[rows], sigmas, fixed)
+    adjusted = _adjust(poses, odometry, kept, matches, cameras, config, prior)
+    if not fixed:
+        poses = _carried(poses, adjusted, odometry, odometry.edges)
+    return Solved(poses, adjusted, graph, kept, {}, prior)
+
+
+def _is_fixed(config: Config) -> bool:
+    how = config.optimise.given_poses
+    if how not in ("fixed", "prior"):
+        raise ConfigError(f"expected fixed or prior for optimise.given_poses, found '{how}'")
+    return how == "fixed"
 
 
 def judged(verdicts: Sequence[LoopVerdict], graph: posegraph.PoseGraph) -> list[LoopVerdict]:
@@ -150,6 +170,7 @@ def _adjust(
     matches: NDArray[np.int32],
     cameras: Sequence[Intrinsics],
     config: Config,
+    prior: Prior | None = None,
 ) -> Adjusted:
     rows = [k.row for k in odometry.keyframes]
     number = {row: k for k, row in enumerate(rows)}
@@ -162,9 +183,14 @@ def _adjust(
     of_segment = [np.flatnonzero(segment == s).tolist() for s in np.unique(segment)]
     neighbours = {pair for keyframes in of_segment for pair in pairwise(keyframes)}
     joined = [(i, j) for i, j in sorted(neighbours | kept) if known[i] and known[j]]
-    return adjust_landmarks(
-        poses[rows], tracks, joined, model, config.optimise, fixed=odometry.given
-    )
+    return adjust_landmarks(poses[rows], tracks, joined, model, config.optimise, prior)
+
+
+def _carried(poses: Array, adjusted: Adjusted, odometry: Odometry, edges: Sequence[Edge]) -> Array:
+    """All poses, where the keyframes' are those of the adjustment."""
+    rows = np.array([k.row for k in odometry.keyframes])
+    poses = _moved_along(poses, adjusted.T_world_camera, rows)
+    return posegraph.carry(poses, edges, rows[np.isfinite(poses[rows, 0, 0])])
 
 
 def _moved_along(poses: Array, adjusted: Array, rows: NDArray[np.intp]) -> Array:
@@ -240,11 +266,15 @@ def _report(solved: Solved, result: OptimisedMap, odometry: Odometry) -> Report:
             f"; reprojection {adjusted.rms_px_before:.2f} px before,"
             f" {adjusted.rms_px_after:.2f} px after bundle adjustment"
         )
-    lines = (
+    lines: tuple[str, ...] = (
         f"{posed} of {len(odometry.frames)} frames have a pose; {kept} closures kept,"
         f" {rejected} rejected",
         landmarks,
     )
+    if solved.prior:
+        rad, m = solved.prior.sigmas[[0, 3]]
+        values |= {"given_sigma_deg": float(np.rad2deg(rad)), "given_sigma_m": float(m)}
+        lines = (*lines, _told(solved.prior))
     warnings = []
     for name, rows in solved.others.items():
         warnings.append(
@@ -260,3 +290,11 @@ def _report(solved: Solved, result: OptimisedMap, odometry: Odometry) -> Report:
     if result.world.doubt:
         warnings.append(result.world.doubt)
     return Report("optimise", values, lines, tuple(warnings))
+
+
+def _told(prior: Prior) -> str:
+    how = "fixed" if prior.fixed else "adjusted"
+    if not prior.sigmas.any():
+        return f"given poses {how}: loops show no noise in them beyond their own"
+    rad, m = prior.sigmas[[0, 3]]
+    return f"given poses {how}: loops show noise of {np.rad2deg(rad):.2f} deg and {1000 * m:.0f} mm"
