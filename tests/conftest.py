@@ -1,5 +1,6 @@
 """Fixtures that several parts' tests share; made once a session, read-only."""
 
+import os
 import threading
 from collections.abc import Iterator
 from dataclasses import dataclass, field
@@ -8,6 +9,9 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+
+# As the command does, before numpy is imported: commands run in this process and in others agree.
+os.environ["OPENBLAS_NUM_THREADS"] = "1"
 
 
 @pytest.fixture(scope="session")

@@ -15,6 +15,7 @@ from vnav.core.camera import Intrinsics
 from vnav.core.frame import Edge
 
 Array = NDArray[np.float64]
+FIRST_POSE, FIRST_POINT = int(gtsam.symbol("x", 0)), int(gtsam.symbol("l", 0))
 BASELINE_M = 0.1  # virtual: it only turns inverse depth into the disparity that gtsam measures
 CAUCHY_SIGMAS = 2.0
 MEDIAN_TO_SIGMA = 1.4826  # of a normal distribution
@@ -273,8 +274,8 @@ def _noise(model: SensorModel) -> tuple[Any, list[Any]]:
 
 
 def _pose(k: int) -> int:
-    return int(gtsam.symbol("x", int(k)))
+    return FIRST_POSE + int(k)
 
 
 def _point(n: int) -> int:
-    return int(gtsam.symbol("l", int(n)))
+    return FIRST_POINT + int(n)

@@ -12,7 +12,7 @@ import pytest
 from vnav.core import se3
 from vnav.io.trajectories import read_tum
 
-pytestmark = pytest.mark.real
+pytestmark = [pytest.mark.real, pytest.mark.long]  # a second build of the kitchen
 
 HALF, EVERY = 500, 10
 

@@ -9,7 +9,7 @@ pytestmark = pytest.mark.real
 
 
 @pytest.mark.parametrize(
-    ("name", "limit_m"), [("house", 0.05), ("redkitchen", 0.055)], ids=["house", "redkitchen"]
+    ("name", "limit_m"), [("house", 0.015), ("redkitchen", 0.055)], ids=["house", "redkitchen"]
 )
 def test_every_frame_is_tracked_and_the_trajectory_is_true(
     name: str,

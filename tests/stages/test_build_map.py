@@ -38,7 +38,7 @@ def test_only_what_a_setting_touches_is_done_again(
     folder: MapFolder, captures: list[Capture]
 ) -> None:
     config = dataclasses.replace(CONFIG, fuse=dataclasses.replace(CONFIG.fuse, voxel_m=0.05))
-    assert redone(folder, captures, config) == ["fuse"]
+    assert redone(folder, captures, config) == ["fuse", "index"]  # which reads the octree
 
 
 def test_a_stage_that_is_gone_is_done_again_and_with_the_same_result_no_other(
