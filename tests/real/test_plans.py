@@ -55,13 +55,18 @@ def test_paths_between_photos_are_found_clear_and_short(
 
 
 def _pairs(house: Any, vnav: Callable[..., Any]) -> list[tuple[Path, Path]]:
-    """Pairs of photos, drawn by a seed from those that are located."""
+    """The first pairs of located photos among pairs that a seed draws from all of them.
+
+    So which pairs are asked does not hang on which photos happen to be located.
+    """
     options = "--map", house.map, "--json"
     said = vnav("locate", house.capture / "photos", *options, expected=(0, 3)).stdout
-    located = [Path(answer["photo"]) for answer in json.loads(said) if answer["located"]]
+    answers = json.loads(said)
     rng = np.random.default_rng(SEED)
-    drawn = [rng.choice(len(located), 2, replace=False) for _ in range(PAIRS)]
-    return [(located[i], located[j]) for i, j in drawn]
+    drawn = [rng.choice(len(answers), 2, replace=False) for _ in range(2 * PAIRS)]
+    both = [(answers[i], answers[j]) for i, j in drawn]
+    located = [pair for pair in both if pair[0]["located"] and pair[1]["located"]]
+    return [(Path(a["photo"]), Path(b["photo"])) for a, b in located[:PAIRS]]
 
 
 def _in_truth(house: Any, path_m: list[list[float]]) -> NDArray[np.float64]:
