@@ -5,8 +5,11 @@ import numpy as np
 from vnav.synthetic.scene import Box
 
 WALL_M = 0.10
+EDGE = WALL_M / 2  # from the middle of a wall to its face
 HEIGHT_M = 2.5
 DOOR_M = 2.05
+
+Piece = tuple[Box, ...]
 
 
 def block(

@@ -1,7 +1,9 @@
 """Scenes that repeat themselves: rooms and shelves that look the same in every detail."""
 
 from vnav.synthetic.furniture import (
+    EDGE,
     HEIGHT_M,
+    Piece,
     bed,
     cupboard,
     floor_and_ceiling,
@@ -12,10 +14,8 @@ from vnav.synthetic.furniture import (
     table,
     wall,
 )
-from vnav.synthetic.scene import Box, Scene, closed_tour, placed, twins
+from vnav.synthetic.scene import Scene, closed_tour, placed, twins
 
-Piece = tuple[Box, ...]
-EDGE = 0.05  # half a wall
 ROOM_M = 4.0
 SHELF_M = 1.3  # from one shelf of the shop to the next
 SHELVES = 6  # in a row

@@ -5,7 +5,9 @@ from collections.abc import Callable
 import numpy as np
 
 from vnav.synthetic.furniture import (
+    EDGE,
     HEIGHT_M,
+    Piece,
     bed,
     chair,
     cupboard,
@@ -18,10 +20,7 @@ from vnav.synthetic.furniture import (
     wall,
 )
 from vnav.synthetic.repeating import shop, twin_rooms
-from vnav.synthetic.scene import Box, Scene, closed_tour, placed
-
-Piece = tuple[Box, ...]
-EDGE = 0.05  # half a wall
+from vnav.synthetic.scene import Scene, closed_tour, placed
 
 
 def apartment(seed: int) -> Scene:
