@@ -91,15 +91,13 @@ class Edge:
 class PoseEstimate:
     """How camera b stands to camera a, from matched features.
 
-    ``inliers`` (M, 2): rows of a's and b's features that agree; ``rms_px``: their reprojection
-    error; ``information`` as in `Edge`.
+    ``inliers`` (M, 2): rows of a's and b's features that agree; ``information`` as in `Edge`.
     """
 
     T_a_b: NDArray[np.float64]
     information: NDArray[np.float64]
     inliers: NDArray[np.int32]
     matches: int
-    rms_px: float
 
     @property
     def inlier_share(self) -> float:

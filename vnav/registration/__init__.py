@@ -34,11 +34,20 @@ class Matcher(Protocol):
 
 @dataclass(frozen=True)
 class Sensor:
-    """The camera that took both frames, how far its measurements are trusted, and the matcher."""
+    """The camera that took frame b, how far measurements are trusted, and the matcher.
+
+    ``camera_a``: the camera of frame a, where it is another.
+    """
 
     intrinsics: Intrinsics
     config: RegistrationConfig
     matcher: Matcher
+    camera_a: Intrinsics | None = None
+
+    @property
+    def cameras(self) -> tuple[Intrinsics, Intrinsics]:
+        """Those of frame a and of frame b."""
+        return self.camera_a or self.intrinsics, self.intrinsics
 
 
 def register(
@@ -67,7 +76,10 @@ def register(
         if isinstance(near, PoseEstimate) and near.inlier_share >= config.sure_inlier_share:
             return _polished(near, a, b, sensor)
     matches = sensor.matcher.everywhere(a.features, b.features)
-    everywhere = _estimate(a, b, matches[a.has_depth[matches[:, 0]]], sensor, rng)
+    lifted = a.has_depth[matches[:, 0]]
+    if config.depth_of_either:
+        lifted |= b.has_depth[matches[:, 1]]
+    everywhere = _estimate(a, b, matches[lifted], sensor, rng)
     found = [_polished(e, a, b, sensor) for e in (near, everywhere) if isinstance(e, PoseEstimate)]
     return max(found, key=lambda estimate: len(estimate.inliers), default=everywhere)
 
@@ -80,14 +92,25 @@ def matches_near(
     radius_px: float,
     strongest: int | None = None,
 ) -> NDArray[np.int32]:
-    """Rows (M, 2) of a's and b's features that match close to where a motion puts a's in b.
+    """Rows (M, 2) of a's and b's features that match close to where a motion puts one's point.
 
-    Only a's ``strongest`` are sought, or all; of those without a 3D point none is.
+    Points of a are sought in b; where ``depth_of_either``, those of b that are left are sought in
+    a, among the features that have no depth. Only the ``strongest`` are sought, or all.
     """
-    seen_from_b = se3.transform(se3.inverse(T_a_b), a.points_camera[:strongest])
-    predicted_px = np.full((len(a.features), 2), np.nan)
-    predicted_px[:strongest] = sensor.intrinsics.project(seen_from_b)
-    return sensor.matcher.near(a.features, b.features, predicted_px, radius_px)
+
+    def sought(a: Keyframe, b: Keyframe, T_a_b: Array, of_b: Intrinsics) -> NDArray[np.int32]:
+        predicted_px = np.full((len(a.features), 2), np.nan)
+        seen_from_b = se3.transform(se3.inverse(T_a_b), a.points_camera[:strongest])
+        predicted_px[:strongest] = of_b.project(seen_from_b)
+        return sensor.matcher.near(a.features, b.features, predicted_px, radius_px)
+
+    of_a, of_b = sensor.cameras
+    found = sought(a, b, T_a_b, of_b)
+    if not sensor.config.depth_of_either:
+        return found
+    back = sought(b, a, se3.inverse(T_a_b), of_a)[:, ::-1]
+    lone = ~a.has_depth[back[:, 0]] & ~np.isin(back[:, 1], found[:, 1])
+    return np.concatenate([found, back[lone]])
 
 
 def _estimate(
@@ -101,7 +124,7 @@ def _estimate(
     config = sensor.config
     if len(matches) < config.min_inliers:
         return Rejected("too few matches", len(matches))
-    pairs = Pairs(a, b, matches, sensor.intrinsics, config)
+    pairs = Pairs(a, b, matches, sensor.cameras, config)
     usable = np.flatnonzero(pairs.both)
     if len(usable) < SAMPLE:
         return Rejected("no consistent motion", len(matches))
@@ -116,7 +139,7 @@ def _polished(found: PoseEstimate, a: Keyframe, b: Keyframe, sensor: Sensor) -> 
     closer = matches_near(a, b, found.T_a_b, sensor, sensor.config.polish_radius_px)
     if len(closer) <= len(found.inliers):
         return found
-    pairs = Pairs(a, b, closer, sensor.intrinsics, sensor.config)
+    pairs = Pairs(a, b, closer, sensor.cameras, sensor.config)
     polished = _refined(found.T_a_b, pairs, closer, sensor.config)
     return polished if isinstance(polished, PoseEstimate) else found
 
@@ -132,9 +155,9 @@ def _refined(
         return Rejected("too few inliers", len(matches), count)
     if count < config.min_inlier_share * len(matches):
         return Rejected("too small a share of inliers", len(matches), count)
-    if _on_line(pairs.points_a[inlier], config):
+    if _on_line(pairs.points_a(T_a_b)[inlier], config):
         return Rejected("matches on a line", len(matches), count)
-    return PoseEstimate(T_a_b, H, matches[inlier], len(matches), pairs.rms_px(T_a_b, inlier))
+    return PoseEstimate(T_a_b, H, matches[inlier], len(matches))
 
 
 def _on_line(points: Array, config: RegistrationConfig) -> bool:

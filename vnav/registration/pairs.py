@@ -14,26 +14,38 @@ Array = NDArray[np.float64]
 
 
 class Pairs:
-    """M matches: a's 3D points, seen in b as pixel and, where b has depth, inverse depth."""
+    """M matches: a 3D point of one frame, seen in the other as pixel and inverse depth.
+
+    The point is a's where a has depth (``forward``), else b's.
+    """
 
     def __init__(
         self,
         a: Keyframe,
         b: Keyframe,
         matches: NDArray[np.int32],
-        intrinsics: Intrinsics,
+        cameras: tuple[Intrinsics, Intrinsics],
         config: RegistrationConfig,
     ) -> None:
-        self.points_a = a.points_camera[matches[:, 0]].astype(float)
-        self.points_b = b.points_camera[matches[:, 1]].astype(float)
-        self.px_b = b.features.keypoints_px[matches[:, 1]].astype(float)
-        self.camera = np.array([intrinsics.fx, intrinsics.fy, intrinsics.cx, intrinsics.cy])
-        self.sigmas = np.array([config.pixel_sigma_px, config.depth_sigma_per_m2])
+        points_a, points_b = (
+            k.points_camera[rows].astype(float) for k, rows in zip((a, b), matches.T, strict=True)
+        )
+        px_a, px_b = (
+            k.features.keypoints_px[rows] for k, rows in zip((a, b), matches.T, strict=True)
+        )
+        self.forward = np.isfinite(points_a[:, 2])
+        which = self.forward[:, None]
+        px, depth_m = np.where(which, px_b, px_a), np.where(which, points_b, np.nan)[:, 2:]
+        self._source = np.where(which, points_a, points_b)
+        self._target = np.concatenate([px, 1 / depth_m], 1)
+        self._cameras = np.array([[k.fx, k.fy, k.cx, k.cy] for k in cameras])
+        self._sigmas = np.array([config.pixel_sigma_px, config.depth_sigma_per_m2])
+        self._points_b = points_b
 
     @property
     def both(self) -> NDArray[np.bool_]:
         """Which matches (M,) have depth at both ends."""
-        return np.asarray(np.isfinite(self.points_b[:, 2]))
+        return np.asarray(np.isfinite(self._target[:, 2]))
 
     def consensus(
         self, chosen: NDArray[np.intp], threshold_sigmas: float, confidence: float
@@ -41,28 +53,36 @@ class Pairs:
         """``T_a_b`` (4, 4) of that chosen triple (S, 3) that most matches agree with.
 
         Chosen are matches with depth at both ends; no more of them are tried than ``confidence``
-        asks for. Squared residuals are truncated at the threshold; only b's own noise counts.
+        asks for. Squared residuals of a's points are truncated at the threshold; only b's own
+        noise counts.
         """
-        limits = np.repeat(self.sigmas, (2, 1)) * threshold_sigmas
+        limits = np.repeat(self._sigmas, (2, 1)) * threshold_sigmas
+        row = np.cumsum(self.forward) - 1
         T_a_b: Array = best_motion(
-            chosen, self.points_a, self.points_b, self.px_b, self.camera, limits, confidence
+            row[chosen],
+            self._source[self.forward],
+            self._points_b[self.forward],
+            self._target[self.forward, :2],
+            self._cameras[1],
+            limits,
+            confidence,
         )
         return T_a_b
 
     def refined(self, T_a_b: Array) -> tuple[Array, Array, Array]:
         """Gauss-Newton from one motion: the best, its information (6, 6), squared residuals (M,).
 
-        Residuals are in standard deviations of both measurements: b's own, and a's carried over by
-        the motion; the sums are weighted by a Cauchy kernel. Infinite behind b.
+        Residuals are in standard deviations of both measurements: the target's own, and the
+        source's carried over by the motion; the sums are weighted by a Cauchy kernel. Infinite
+        behind the camera.
         """
-        variances = np.repeat(self.sigmas, (2, 1)) ** 2
+        variances = np.repeat(self._sigmas, (2, 1)) ** 2
         T_a_b, H, squared = gauss_newton(
-            T_a_b, self.points_a, self.points_b, self.px_b, self.camera, variances
+            T_a_b, self._source, self._target, self.forward, self._cameras, variances
         )
         return T_a_b, H, squared
 
-    def rms_px(self, T_a_b: Array, chosen: NDArray[np.bool_]) -> float:
-        """Root mean square reprojection error of the chosen matches."""
-        p = se3.transform(se3.inverse(T_a_b), self.points_a[chosen])
-        off = self.camera[:2] * p[:, :2] / p[:, 2:] + self.camera[2:] - self.px_b[chosen]
-        return float(np.sqrt((off**2).sum(1).mean()))
+    def points_a(self, T_a_b: Array) -> Array:
+        """The matched points (M, 3) in camera a."""
+        carried = se3.transform(T_a_b, self._source)
+        return np.where(self.forward[:, None], self._source, carried)

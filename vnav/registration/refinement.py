@@ -14,21 +14,26 @@ CONVERGED = 1e-5  # rad and m: a tenth of what the best pair of frames can tell
 @njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
 def gauss_newton(
     T_a_b: Array,
-    points_a: Array,
-    points_b: Array,
-    px_b: Array,
-    camera: Array,
+    source: Array,
+    target: Array,
+    forward: NDArray[np.bool_],
+    cameras: Array,
     variances: Array,
 ) -> tuple[Array, Array, Array]:
-    """The refined ``T_a_b``, with the normal matrix (6, 6) and squared residuals (M,) there."""
+    """The refined ``T_a_b``, with the normal matrix (6, 6) and squared residuals (M,) there.
+
+    ``source`` (M, 3): points in the camera a (forward) or b; ``target`` (M, 3): pixel and inverse
+    depth, NaN where there is none, in the other; ``cameras`` (2, 4): fx, fy, cx, cy of a and of b;
+    ``variances`` (3,) of pixel and inverse depth.
+    """
     T = T_a_b.copy()
     for _ in range(ITERATIONS):
-        H, g, _ = _normal_equations(_inverse(T), points_a, points_b, px_b, camera, variances)
+        H, g, _ = _normal_equations(T, source, target, forward, cameras, variances)
         step = -np.linalg.solve(H + 1e-9 * (1 + np.trace(H)) * np.eye(6), g)
         T = T @ _exp(step)
         if np.abs(step).max() < CONVERGED:
             break
-    H, g, squared = _normal_equations(_inverse(T), points_a, points_b, px_b, camera, variances)
+    H, g, squared = _normal_equations(T, source, target, forward, cameras, variances)
     return T, H, squared
 
 
@@ -58,28 +63,35 @@ def _exp(xi: Array) -> Array:
 
 @njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
 def _normal_equations(
-    T_b_a: Array,
-    points_a: Array,
-    points_b: Array,
-    px_b: Array,
-    camera: Array,
+    T_a_b: Array,
+    source: Array,
+    target: Array,
+    forward: NDArray[np.bool_],
+    cameras: Array,
     variances: Array,
 ) -> tuple[Array, Array, Array]:
-    H, g, squared = np.zeros((6, 6)), np.zeros(6), np.full(len(points_a), np.inf)
+    H, g, squared = np.zeros((6, 6)), np.zeros(6), np.full(len(source), np.inf)
     p, e, S, J = np.empty(3), np.empty(3), np.empty((3, 3)), np.empty((3, 6))
-    for m in range(len(points_a)):
+    T_b_a = _inverse(T_a_b)
+    for m in range(len(source)):
+        T, here, there = (T_b_a, cameras[0], cameras[1])
+        if not forward[m]:
+            T, here, there = (T_a_b, cameras[1], cameras[0])
         for k in range(3):
-            p[k] = T_b_a[k, 3]
+            p[k] = T[k, 3]
             for n in range(3):
-                p[k] += T_b_a[k, n] * points_a[m, n]
+                p[k] += T[k, n] * source[m, n]
         if p[2] <= NEAREST_M:
             continue
-        size = 3 if points_b[m, 2] > 0 else 2  # false for NaN
-        e[0] = camera[0] * p[0] / p[2] + camera[2] - px_b[m, 0]
-        e[1] = camera[1] * p[1] / p[2] + camera[3] - px_b[m, 1]
-        e[2] = 1 / p[2] - 1 / points_b[m, 2]
-        _covariance(S, T_b_a, points_a[m], p, camera, variances)
-        _jacobian(J, p, camera)
+        size = 3 if target[m, 2] > 0 else 2  # false for NaN
+        e[0] = there[0] * p[0] / p[2] + there[2] - target[m, 0]
+        e[1] = there[1] * p[1] / p[2] + there[3] - target[m, 1]
+        e[2] = 1 / p[2] - target[m, 2]
+        _covariance(S, T, source[m], p, here, there, variances)
+        if forward[m]:
+            _jacobian(J, T_a_b, p, p, there, True)
+        else:
+            _jacobian(J, T_a_b, source[m], p, there, False)
         _whiten(S, e, J, size)
         squared[m] = 0.0
         for k in range(size):
@@ -95,22 +107,22 @@ def _normal_equations(
 
 @njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
 def _covariance(
-    S: Array, T_b_a: Array, point_a: Array, p: Array, camera: Array, variances: Array
+    S: Array, T: Array, point: Array, p: Array, here: Array, there: Array, variances: Array
 ) -> None:
-    """Covariance (3, 3) of (u, v, 1/z) in b: b's own, and a's carried over by the motion."""
+    """Covariance (3, 3) of (u, v, 1/z) there: its own, and that of the point carried over by T."""
     w = 1 / p[2]
-    Z = point_a[2]
+    Z = point[2]
     A = np.empty((3, 3))
-    for n in range(3):  # columns: a's u, v, 1/z; rows: the point in b, then its pixel
+    for n in range(3):  # columns: u, v, 1/z here; rows: the point there, then its pixel
         if n < 2:
-            scale = Z / camera[n]
-            x, y, z = T_b_a[0, n] * scale, T_b_a[1, n] * scale, T_b_a[2, n] * scale
+            scale = Z / here[n]
+            x, y, z = T[0, n] * scale, T[1, n] * scale, T[2, n] * scale
         else:
-            x = -Z * (p[0] - T_b_a[0, 3])
-            y = -Z * (p[1] - T_b_a[1, 3])
-            z = -Z * (p[2] - T_b_a[2, 3])
-        A[0, n] = camera[0] * w * (x - p[0] * w * z)
-        A[1, n] = camera[1] * w * (y - p[1] * w * z)
+            x = -Z * (p[0] - T[0, 3])
+            y = -Z * (p[1] - T[1, 3])
+            z = -Z * (p[2] - T[2, 3])
+        A[0, n] = there[0] * w * (x - p[0] * w * z)
+        A[1, n] = there[1] * w * (y - p[1] * w * z)
         A[2, n] = -w * w * z
     for i in range(3):
         for j in range(3):
@@ -120,14 +132,26 @@ def _covariance(
 
 
 @njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
-def _jacobian(J: Array, p: Array, camera: Array) -> None:
-    """Derivative (3, 6) of (u, v, 1/z) by the tangent at ``T_a_b``, rotation first."""
+def _jacobian(
+    J: Array, T_a_b: Array, point_b: Array, p: Array, camera: Array, forward: bool
+) -> None:
+    """Derivative (3, 6) of (u, v, 1/z) at p by the tangent at ``T_a_b``, rotation first.
+
+    Forward, p is the point in b, and moves against the camera; else it is in a, and moves along.
+    """
     w = 1 / p[2]
+    X, Y, Z = point_b
     for n in range(6):
-        # The point moves by p x rotation - translation.
-        x = (0.0, -p[2], p[1], -1.0, 0.0, 0.0)[n]
-        y = (p[2], 0.0, -p[0], 0.0, -1.0, 0.0)[n]
-        z = (-p[1], p[0], 0.0, 0.0, 0.0, -1.0)[n]
+        x = (0.0, -Z, Y, -1.0, 0.0, 0.0)[n]  # of the point in b: point x rotation - translation
+        y = (Z, 0.0, -X, 0.0, -1.0, 0.0)[n]
+        z = (-Y, X, 0.0, 0.0, 0.0, -1.0)[n]
+        if not forward:
+            R = T_a_b
+            x, y, z = (
+                -R[0, 0] * x - R[0, 1] * y - R[0, 2] * z,
+                -R[1, 0] * x - R[1, 1] * y - R[1, 2] * z,
+                -R[2, 0] * x - R[2, 1] * y - R[2, 2] * z,
+            )
         J[0, n] = camera[0] * w * (x - p[0] * w * z)
         J[1, n] = camera[1] * w * (y - p[1] * w * z)
         J[2, n] = -w * w * z

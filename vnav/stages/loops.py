@@ -202,6 +202,8 @@ class Verifier:
             config.registration,
             min_inliers=config.loops.min_inliers,
             min_inlier_share=config.loops.min_inlier_share,
+            # Features without depth mostly lie on edges, which look otherwise from afar.
+            depth_of_either=False,
         )
         self._matcher = DescriptorMatcher(self._settings)
         self._progress = progress
@@ -238,10 +240,9 @@ class Verifier:
         self, candidate: Candidate, T_world_camera: Array | None
     ) -> PoseEstimate | Rejected:
         a, b = self._keyframes[candidate[0]], self._keyframes[candidate[1]]
-        if self._cameras[self._captures[a.row]] != self._cameras[self._captures[b.row]]:
-            return Rejected("two cameras")
         rng = np.random.default_rng([self._seed, a.row, b.row])
-        sensor = Sensor(self._cameras[self._captures[a.row]], self._settings, self._matcher)
+        of_a, of_b = (self._cameras[self._captures[k.row]] for k in (a, b))
+        sensor = Sensor(of_b, self._settings, self._matcher, of_a)
         predicted = None
         if T_world_camera is not None:
             predicted = se3.inverse(T_world_camera[a.row]) @ T_world_camera[b.row]
