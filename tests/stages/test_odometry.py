@@ -276,7 +276,7 @@ def test_the_report_names_what_is_lost(capture: Capture, tmp_path: Path) -> None
     report = odometry.run(folder, [Cut(capture, range(5), black=2)], CONFIG)
     assert report.values["frames"] == 5
     assert report.values["tracked"] == 4
-    lost = [{"first": 2, "last": 2, "reason": "0 features with depth"}]
+    lost = [{"capture": 0, "first": 2, "last": 2, "reason": "0 features with depth"}]
     assert report.values["lost"] == lost
     assert report.warnings == ("frame 2 lost: 0 features with depth",)
     assert report.lines[0].startswith("4 of 5 frames tracked")

@@ -1,6 +1,8 @@
 """What the stages of a map hand to each other."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import groupby
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,6 +34,39 @@ class FrameTable:
     def __len__(self) -> int:
         return len(self.capture)
 
+    def spans(self, reasons: Sequence[str]) -> list["Span"]:
+        """Runs of neighbouring frames of one capture that share a reason; empty ones are none."""
+        rows = zip(self.capture.tolist(), reasons, self.index.tolist(), strict=True)
+        found = []
+        for (capture, reason), group in groupby(rows, key=lambda row: row[:2]):
+            index = [index for *_, index in group]
+            if reason:
+                found.append(Span(capture, index[0], index[-1], reason))
+        return found
+
+    def named(self, capture: int, first: int, last: int) -> str:
+        """Frames of a capture by their index, for a person."""
+        frames = f"frame {first}" if first == last else f"frames {first} to {last}"
+        return f"{frames} of capture {capture}" if self.capture.any() else frames
+
+    def told(self, rows: NDArray[np.intp]) -> str:
+        """Which frames some rows are, from first to last of each capture, for a person."""
+        parts = []
+        for capture in np.unique(self.capture[rows]).tolist():
+            index = self.index[rows[self.capture[rows] == capture]]
+            parts.append(self.named(capture, int(index[0]), int(index[-1])))
+        return " and ".join(parts)
+
+
+@dataclass(frozen=True)
+class Span:
+    """Neighbouring frames of one capture, by index, and what is to be said of them."""
+
+    capture: int
+    first: int
+    last: int
+    reason: str
+
 
 @dataclass(frozen=True)
 class Keyframe:
@@ -62,7 +97,9 @@ class Odometry:
     ``T_segment_camera`` (N, 4, 4): pose of every frame in the first frame of its segment, NaN
     where lost; ``segment`` (N,): number of its segment, LOST where lost; ``reasons``: why, empty
     where tracked; ``edges`` between rows; ``keyframes`` in order of row; ``given``: the poses come
-    from outside and stay as they are, in the world that they were given in.
+    from outside and stay as they are, in the world that they were given in; ``T_world_before``
+    (N, 4, 4): of a map that was extended, the poses it had before, whose world it keeps, NaN where
+    there was none.
     """
 
     frames: FrameTable
@@ -72,6 +109,7 @@ class Odometry:
     edges: tuple[Edge, ...]
     keyframes: tuple[Keyframe, ...]
     given: bool = False
+    T_world_before: NDArray[np.float64] | None = None
 
 
 @dataclass(frozen=True)
@@ -128,10 +166,11 @@ class Landmarks:
 class World:
     """How the world frame was found: z up, floor at z = 0.
 
-    ``source`` is "floor", "structure" or "cameras", or "given" where the poses came with a world;
-    ``floor_points`` the points found on the floor; ``floor_rms_m`` their spread about its plane,
-    None without a floor; ``floor_z_m``, ``floor_tilt_deg``: where a given world has the floor that
-    was found, below the first camera, and the angle of its normal to z.
+    ``source`` is "floor", "structure" or "cameras"; "given" where the poses came with a world, or
+    "kept" where an extended map keeps the one it had; ``floor_points`` the points found on the
+    floor; ``floor_rms_m`` their spread about its plane, None without a floor; ``floor_z_m``,
+    ``floor_tilt_deg``: where a given or kept world has the floor that was found, below the first
+    camera, and the angle of its normal to z.
     """
 
     source: str
@@ -145,14 +184,14 @@ class World:
         """Why heights and the grid may be wrong; empty where they are not."""
         if self.source == "floor":
             return ""
-        if self.source != "given":
+        if self.source not in ("given", "kept"):
             return f"no floor was seen: up was found from the {self.source}"
         if self.floor_z_m is None or self.floor_tilt_deg is None:
-            return "no floor was seen: z up and z = 0 are as given"
+            return f"no floor was seen: z up and z = 0 are as {self.source}"
         if abs(self.floor_z_m) <= FLOOR_OFF_M and self.floor_tilt_deg <= FLOOR_TILT_DEG:
             return ""
         return (
-            f"in the given world the floor lies at z = {self.floor_z_m:.2f} m, tilted by"
+            f"in the {self.source} world the floor lies at z = {self.floor_z_m:.2f} m, tilted by"
             f" {self.floor_tilt_deg:.0f} deg: heights and the grid expect it at z = 0, z up"
         )
 

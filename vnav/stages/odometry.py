@@ -6,6 +6,7 @@ from collections import deque
 from collections.abc import Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
@@ -48,7 +49,8 @@ def run(
     """
     started = clock()
     settings = settings_of(config, "capture", "features", "registration", "odometry")
-    inputs = {f"capture_{k}": capture.fingerprint() for k, capture in enumerate(captures)}
+    entries = [described(k, capture) for k, capture in enumerate(captures)]
+    inputs = {f"capture_{entry['id']}": entry["fingerprint"] for entry in entries}
     if given is not None:
         inputs["trajectory"] = fingerprint(given)
     if folder.is_current("odometry", settings, inputs):
@@ -56,10 +58,8 @@ def run(
     with folder.writing("odometry", settings, inputs) as draft:
         odometry = track(captures, config, draft, progress, given)
         save_odometry(draft, odometry)
-        folder.set_captures(
-            [_described(k, c, inputs[f"capture_{k}"]) for k, c in enumerate(captures)]
-        )
-    return finished(folder, _report(odometry), started)
+        folder.set_captures(entries)
+    return finished(folder, report(odometry), started)
 
 
 def track(
@@ -273,42 +273,33 @@ def _frame_table(captures: Sequence[Capture]) -> FrameTable:
     return FrameTable(table[:, 0], table[:, 1], np.array(stamps))
 
 
-def _described(number: int, capture: Capture, fingerprint: str) -> dict[str, object]:
+def described(number: int, capture: Capture) -> dict[str, Any]:
+    """A capture as the map lists it."""
     camera = dataclasses.asdict(rectified(capture.camera))
+    fingerprint = capture.fingerprint()
     return {"id": number, "name": capture.name, "fingerprint": fingerprint, "camera": camera}
 
 
-def _report(odometry: Odometry) -> Report:
-    lost = {row: reason for row, reason in enumerate(odometry.reasons) if reason}
-    spans = _spans(lost)
-    tracked = len(odometry.frames) - len(lost)
+def report(odometry: Odometry) -> Report:
+    """What was tracked, and which frames are lost and why."""
+    frames, keyframes = odometry.frames, len(odometry.keyframes)
+    spans = frames.spans(odometry.reasons)
+    tracked = odometry.reasons.count("")
     segments = np.unique(odometry.segment[[not r for r in odometry.reasons]])
     values = {
-        "frames": len(odometry.frames),
+        "frames": len(frames),
         "tracked": tracked,
-        "lost": [{"first": a, "last": b, "reason": reason} for a, b, reason in spans],
+        "lost": [vars(span) for span in spans],
         "segments": len(segments),
-        "keyframes": len(odometry.keyframes),
+        "keyframes": keyframes,
         "edges": len(odometry.edges),
         "features_median": float(np.median([len(k.features) for k in odometry.keyframes])),
     }
     how = "have a given pose" if odometry.given else "tracked"
-    line = f"{tracked} of {len(odometry.frames)} frames {how}, {len(odometry.keyframes)} keyframes"
+    line = f"{tracked} of {len(frames)} frames {how}, {keyframes} keyframes"
     if len(segments) > 1:
         line += f", in {len(segments)} segments"
     warnings = tuple(
-        f"frame {a} lost: {reason}" if a == b else f"frames {a} to {b} lost: {reason}"
-        for a, b, reason in spans
+        f"{frames.named(span.capture, span.first, span.last)} lost: {span.reason}" for span in spans
     )
     return Report("odometry", values, (line,), warnings)
-
-
-def _spans(lost: dict[int, str]) -> list[tuple[int, int, str]]:
-    """Runs of neighbouring lost frames that share a reason: first row, last row, reason."""
-    spans: list[tuple[int, int, str]] = []
-    for row, reason in sorted(lost.items()):
-        if spans and spans[-1][1] == row - 1 and spans[-1][2] == reason:
-            spans[-1] = (spans[-1][0], row, reason)
-        else:
-            spans.append((row, row, reason))
-    return spans

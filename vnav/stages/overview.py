@@ -1,13 +1,11 @@
 """What a map holds, read from its folder; stages that are missing or stale are left out."""
 
-from itertools import groupby
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from vnav.core.grid import FREE, OCCUPIED, UNKNOWN
-from vnav.core.mapping import Odometry
 from vnav.io.artifacts import load_loops, load_odometry, load_optimised
 from vnav.io.grid_files import read_grid
 from vnav.io.map_folder import STAGES, MapFolder
@@ -87,19 +85,7 @@ def _frames(folder: MapFolder, is_optimised: bool) -> dict[str, Any]:
             "landmarks": len(result.landmarks),
             "world": vars(result.world),
         }
-    return values | {"lost": _lost_spans(odometry, reasons)}
-
-
-def _lost_spans(odometry: Odometry, reasons: list[str]) -> list[dict[str, Any]]:
-    """Runs of neighbouring frames of one capture that share a reason."""
-    captures, indices = odometry.frames.capture.tolist(), odometry.frames.index.tolist()
-    rows = zip(captures, reasons, indices, strict=True)
-    spans = []
-    for (capture, reason), group in groupby(rows, key=lambda row: row[:2]):
-        span = [index for *_, index in group]
-        if reason:
-            spans.append({"capture": capture, "first": span[0], "last": span[-1], "reason": reason})
-    return spans
+    return values | {"lost": [vars(span) for span in odometry.frames.spans(reasons)]}
 
 
 def _loops(folder: MapFolder) -> dict[str, Any]:

@@ -1,0 +1,36 @@
+import numpy as np
+
+from vnav.core.mapping import FrameTable, Span
+
+
+def table(*counts: int) -> FrameTable:
+    """Frames of captures of so many frames each."""
+    captures = np.repeat(np.arange(len(counts)), counts)
+    index = np.concatenate([np.arange(n) for n in counts])
+    return FrameTable(captures, index, index / 10)
+
+
+def test_a_span_ends_where_the_reason_or_the_capture_changes() -> None:
+    reasons = ["", "dark", "dark", "blurred", "dark", "dark", ""]
+    found = table(5, 2).spans(reasons)
+    assert found == [
+        Span(0, 1, 2, "dark"),
+        Span(0, 3, 3, "blurred"),
+        Span(0, 4, 4, "dark"),
+        Span(1, 0, 0, "dark"),
+    ]
+
+
+def test_where_nothing_is_to_be_said_there_is_no_span() -> None:
+    assert table(3).spans(["", "", ""]) == []
+    assert table(0).spans([]) == []
+
+
+def test_the_only_capture_needs_no_name() -> None:
+    assert table(9).named(0, 3, 3) == "frame 3"
+    assert table(9).told(np.array([2, 3, 7])) == "frames 2 to 7"
+
+
+def test_of_several_captures_each_is_named() -> None:
+    told = table(5, 4).told(np.array([3, 4, 5, 7]))
+    assert told == "frames 3 to 4 of capture 0 and frames 0 to 2 of capture 1"
