@@ -260,6 +260,36 @@ def test_no_number_that_json_cannot_hold_is_written(folder: MapFolder) -> None:
         folder.write_report("odometry", {"rms": float("nan")})
 
 
+def finished(folder: MapFolder) -> MapFolder:
+    before: list[str] = []
+    for stage in map_folder.STAGES:
+        write(folder, stage, "made", *before[-1:])
+        before.append(stage)
+    return folder
+
+
+def test_a_finished_map_has_all_stages_of_this_version(
+    folder: MapFolder, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    finished(folder).require_finished()
+    monkeypatch.setattr(map_folder, "__version__", "9.9")
+    expected = f"expected stages made by vnav 9.9 .*'odometry' made by {vnav.__version__}.*--fresh"
+    with pytest.raises(MapError, match=expected):
+        folder.require_finished()
+
+
+def test_a_map_that_lacks_a_stage_or_has_a_stale_one_is_not_finished(folder: MapFolder) -> None:
+    finished(folder)
+    write(folder, "loops", "made otherwise", "vocabulary")
+    with pytest.raises(StaleArtifact, match="run 'vnav optimise"):
+        folder.require_finished()
+    (folder.root / "index" / "stage.json").unlink()
+    write(folder, "optimise", "made", "loops")
+    write(folder, "fuse", "made", "optimise")
+    with pytest.raises(StaleArtifact, match="the finished stage 'index'"):
+        folder.require_finished()
+
+
 def test_a_current_pose_of_another_world_is_forgotten(tmp_path: Path) -> None:
     folder = MapFolder.create(tmp_path / "map")
     with folder.writing("optimise", {"seed": 0}, {}):

@@ -32,6 +32,7 @@ class MapFolder:
     @classmethod
     def open(cls, root: Path) -> "MapFolder":
         """An existing map; MapError where there is none or its format is another."""
+        _put_back(root)
         path = root / "map.json"
         if not path.is_file():
             raise MapError(
@@ -55,6 +56,7 @@ class MapFolder:
         """
         folder = cls(root)
         try:
+            _put_back(root)
             captures = folder._found(fresh)
             root.mkdir(parents=True, exist_ok=True)
             for name in _OWN if fresh else _LEFTOVERS:
@@ -132,6 +134,22 @@ class MapFolder:
                 )
         return folder
 
+    def require_finished(self) -> None:
+        """StaleArtifact where a stage is missing or stale, MapError where another vnav made it."""
+        for stage in STAGES:
+            version = _read_json(self.stage(stage) / "stage.json").get("vnav")
+            if version != __version__:
+                raise MapError(
+                    f"expected stages made by vnav {__version__} in {self.root}, found '{stage}'"
+                    f" made by {version}; build the map anew with 'vnav build-map CAPTURE --map"
+                    f" {self.root} --fresh'"
+                )
+
+    def strangers(self) -> list[Path]:
+        """What lies in the folder and is not vnav's."""
+        own = {*_OWN, "map.json", ".map.json.draft"}
+        return sorted(path for path in self.root.iterdir() if path.name not in own)
+
     def settings(self, stage: str) -> dict[str, Any]:
         """What a finished stage was made with: the seed, and its sections of the configuration."""
         settings: dict[str, Any] = _read_json(self.stage(stage) / "stage.json")["settings"]
@@ -196,6 +214,18 @@ class MapFolder:
         """What the map's world frame came from, empty before there is one."""
         path = self.root / "optimise" / "stage.json"
         return _digest(path) if path.is_file() else ""
+
+
+def aside(root: Path) -> Path:
+    """Where a map lies for the moment in which another takes its place."""
+    root = root.resolve()
+    return root.with_name(f".{root.name}.old")
+
+
+def _put_back(root: Path) -> None:
+    """Bring back a map whose replacement was broken off in that moment."""
+    if not root.exists() and aside(root).is_dir():
+        aside(root).rename(root.resolve())
 
 
 def to_json(value: Any) -> str:
