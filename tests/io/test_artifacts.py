@@ -1,5 +1,6 @@
 """What stages leave in the map is loaded as it was saved, or its damage is told."""
 
+import dataclasses
 from collections.abc import Callable
 from pathlib import Path
 
@@ -86,6 +87,25 @@ def test_odometry_is_loaded_as_it_was_saved(folder: MapFolder) -> None:
     result = odometry()
     saved(folder, "odometry", lambda draft: artifacts.save_odometry(draft, result))
     assert_same(result, artifacts.load_odometry(folder))
+
+
+def test_the_poses_of_a_map_before_it_was_extended_are_kept(folder: MapFolder) -> None:
+    result = dataclasses.replace(odometry(), T_world_before=se3.exp(RNG.standard_normal((4, 6))))
+    saved(folder, "odometry", lambda draft: artifacts.save_odometry(draft, result))
+    assert_same(result, artifacts.load_odometry(folder))
+
+
+def test_keyframes_of_another_odometry_follow_on_the_rows_before(tmp_path: Path) -> None:
+    for name in ("whole/keyframes/000007", "added/keyframes/000000", "added/keyframes/000012"):
+        path = tmp_path / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        for end in ("jpg", "png"):
+            path.with_suffix(f".{end}").write_text(name)
+    artifacts.add_keyframes(tmp_path / "whole", tmp_path / "added", 8)
+    images = sorted((tmp_path / "whole" / "keyframes").iterdir())
+    rows = ["000007", "000008", "000020"]
+    assert [p.name for p in images] == [f"{row}.{end}" for row in rows for end in ("jpg", "png")]
+    assert images[-1].read_text() == "added/keyframes/000012"
 
 
 def test_odometry_of_one_keyframe_and_no_edge_is_legal(folder: MapFolder) -> None:

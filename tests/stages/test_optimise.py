@@ -14,7 +14,7 @@ from vnav.config import CaptureConfig, Config
 from vnav.core import se3
 from vnav.core.camera import Intrinsics
 from vnav.core.frame import Edge
-from vnav.core.mapping import Odometry, OptimisedMap
+from vnav.core.mapping import LOST, Odometry, OptimisedMap
 from vnav.io.artifacts import (
     load_loop_edges,
     load_odometry,
@@ -301,3 +301,13 @@ def test_a_keyframe_that_nothing_joins_does_not_part_those_around_it(
     posed = np.isfinite(solved.poses[:, 0, 0])
     assert posed[after:].all()
     assert not posed[lost:after].any()
+
+
+def test_the_main_part_of_an_extended_map_is_what_was_mapped_before() -> None:
+    part = np.array([0, 0, 1, 1, 1, LOST], np.int32)
+    before = np.full((6, 4, 4), np.nan)
+    before[:2] = np.eye(4)
+    main, others = optimise._parts(part, before)
+    assert main.tolist() == [True, True, False, False, False, False]
+    assert {name: rows.tolist() for name, rows in others.items()} == {"part_2": [2, 3, 4]}
+    assert optimise._parts(part)[0].tolist() == [False, False, True, True, True, False]

@@ -10,7 +10,7 @@ import pytest
 from vnav.core import se3
 from vnav.core.camera import Intrinsics
 from vnav.core.mapping import World
-from vnav.stages.world import Surface, find_world, in_given, seen_surface
+from vnav.stages.world import Surface, find_world, in_given, kept_world, seen_surface
 
 NOISE_M = 0.01
 HEIGHT_M, TILT_DEG = 0.003, 0.2
@@ -228,6 +228,35 @@ def test_a_given_world_says_where_its_floor_lies() -> None:
     assert world.floor_z_m == pytest.approx(foot[2], abs=HEIGHT_M + 1.2 * np.deg2rad(TILT_DEG))
     assert world.floor_tilt_deg == pytest.approx(np.rad2deg(np.arccos(up[2])), abs=TILT_DEG)
     assert "tilted by" in world.doubt
+
+
+@pytest.mark.parametrize(
+    "move",
+    [
+        np.array([[0.0, 0, 0]]).repeat(9, 0),
+        np.outer(np.arange(9), [1.0, 0, 0]),
+        np.random.default_rng(0).uniform(-3, 3, (9, 3)),
+    ],
+    ids=["on one spot", "on a line", "all over"],
+)
+def test_a_kept_world_is_found_wherever_the_cameras_stand(move: np.ndarray) -> None:
+    # Poses err by 5 mrad and 5 mm on each side, and nine of them are averaged: their centres and
+    # points 1 m off by 7 mm / 3; six times that.
+    rng, T_world_any = np.random.default_rng(1), se3.exp([0.3, -0.5, 2.0, 4.0, -3.0, 1.0])
+    noise = np.full(6, 0.005)
+    T_any_camera = se3.make(se3.exp_so3(rng.uniform(-1, 1, (9, 3))), move)
+    T_world_before = T_world_any @ T_any_camera @ se3.exp(noise * rng.standard_normal((9, 6)))
+    T_world_before[4] = np.nan
+    found = kept_world(T_world_before, T_any_camera @ se3.exp(noise * rng.standard_normal((9, 6))))
+    off = se3.inverse(T_world_any) @ found
+    assert np.linalg.norm(off[:3, 3] + (off[:3, :3] - np.eye(3)) @ move.mean(0)) < 0.014
+    assert se3.rotation_angle(off) < 0.014
+
+
+def test_a_kept_world_says_where_its_floor_lies() -> None:
+    world = in_given(World("floor", 9, 0.0), np.eye(4), np.eye(4), "kept")
+    assert (world.source, world.floor_z_m, world.floor_tilt_deg) == ("kept", 0.0, 0.0)
+    assert world.doubt == ""
 
 
 def test_a_given_world_in_which_no_floor_is_seen_says_so() -> None:

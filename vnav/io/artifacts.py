@@ -36,7 +36,7 @@ def map_camera(folder: MapFolder, capture: int = 0) -> Intrinsics:
 
 def save_odometry(draft: Path, odometry: Odometry) -> None:
     """Write frames, edges and keyframes."""
-    frames = odometry.frames
+    frames, before = odometry.frames, odometry.T_world_before
     save_arrays(
         draft / "frames.npz",
         capture=frames.capture,
@@ -45,6 +45,7 @@ def save_odometry(draft: Path, odometry: Odometry) -> None:
         T_segment_camera=odometry.T_segment_camera,
         segment=odometry.segment,
         given=np.array(odometry.given),
+        **({} if before is None else {"T_world_before": before}),
     )
     write_text(draft / "lost.json", to_json({r: t for r, t in enumerate(odometry.reasons) if t}))
     save_arrays(draft / "edges.npz", **edges_to_arrays(odometry.edges))
@@ -64,6 +65,7 @@ def load_odometry(folder: MapFolder) -> Odometry:
         edges_from_arrays(_load(stage / "edges.npz")),
         _keyframes_from_arrays(_load(stage / "keyframes.npz")),
         bool(frames.get("given", False)),
+        frames.get("T_world_before"),
     )
 
 
@@ -75,6 +77,15 @@ def save_keyframe(draft: Path, row: int, frame: Frame) -> None:
     path.mkdir(exist_ok=True)
     _write_image(path / f"{row:06d}.jpg", color, cv2.IMWRITE_JPEG_QUALITY, 92)
     _write_image(path / f"{row:06d}.png", depth, cv2.IMWRITE_PNG_COMPRESSION, 1)
+
+
+def add_keyframes(draft: Path, added: Path, first_row: int) -> None:
+    """Move the keyframes' images of an odometry of its own into that of which it becomes a part.
+
+    ``first_row``: the row that its first frame gets.
+    """
+    for image in sorted((added / "keyframes").iterdir()):
+        image.rename(draft / "keyframes" / f"{int(image.stem) + first_row:06d}{image.suffix}")
 
 
 def _write_image(path: Path, image: NDArray[Any], *parameters: int) -> None:

@@ -35,7 +35,7 @@ from vnav.posegraph import softened
 from vnav.stages.common import clock, finished, reused, settings_of
 from vnav.stages.given import noise
 from vnav.stages.landmarks import Adjusted, Tracks, adjust_landmarks
-from vnav.stages.world import find_world, in_given, seen_surface
+from vnav.stages.world import find_world, in_given, kept_world, seen_surface
 
 Array = NDArray[np.float64]
 
@@ -102,7 +102,7 @@ def solve(
     )
     kept = tuple(e for e, keep in zip(closures, graph.kept, strict=True) if keep)
     _, part = posegraph.join(odometry.T_segment_camera, odometry.segment, kept)
-    main, others = _parts(part)
+    main, others = _parts(part, odometry.T_world_before)
     poses = np.where(main[:, None, None], graph.T_world_camera, np.nan)
     edges = [e for e in (*odometry.edges, *kept) if main[e.i] and main[e.j]]
     progress("optimise", 1, 3)
@@ -154,9 +154,17 @@ def judged(verdicts: Sequence[LoopVerdict], graph: posegraph.PoseGraph) -> list[
     ]
 
 
-def _parts(part: NDArray[np.int32]) -> tuple[NDArray[np.bool_], dict[str, NDArray[np.intp]]]:
-    """Which frames are in the largest part, and the rows of the others; a frame alone is none."""
+def _parts(
+    part: NDArray[np.int32], T_world_before: Array | None = None
+) -> tuple[NDArray[np.bool_], dict[str, NDArray[np.intp]]]:
+    """Which frames are in the main part, and the rows of the others; a frame alone is none.
+
+    The main part is the largest; of an extended map, the one with most of what was mapped before.
+    """
     numbers, sizes = np.unique(part[part != LOST], return_counts=True)
+    if T_world_before is not None:
+        mapped = part[np.isfinite(T_world_before[:, 0, 0])]
+        sizes = sizes + len(part) * (mapped[:, None] == numbers).sum(0)
     main, *others = numbers[np.argsort(-sizes, kind="stable")]
     rows = [np.flatnonzero(part == number) for number in others]
     named = enumerate((r for r in rows if len(r) > 1), 2)
@@ -208,7 +216,10 @@ def stand_up(
     cameras: Sequence[Intrinsics],
     config: Config,
 ) -> OptimisedMap:
-    """The solution in the world frame: z up, floor at z = 0; given poses keep their own world."""
+    """The solution in the world frame: z up, floor at z = 0.
+
+    Given poses keep their own world, an extended map the one it had.
+    """
     T_any_camera = solved.adjusted.T_world_camera
     numbers = np.flatnonzero(np.isfinite(T_any_camera[:, 0, 0]))
     rows = [odometry.keyframes[k].row for k in numbers]
@@ -217,8 +228,13 @@ def stand_up(
     surface = seen_surface(depths, intrinsics, T_any_camera[numbers], config.odometry.max_depth_m)
     rng = np.random.default_rng([config.seed, 2])
     T_world_any, world = find_world(surface, T_any_camera[numbers], rng)
+    first, T_floor_any = T_any_camera[numbers[0]], T_world_any
     if odometry.given:
-        T_world_any, world = np.eye(4), in_given(world, T_world_any, T_any_camera[numbers[0]])
+        T_world_any, world = np.eye(4), in_given(world, T_floor_any, first)
+    elif odometry.T_world_before is not None:
+        T_world_any = kept_world(odometry.T_world_before, solved.poses)
+        T_floor_world = T_floor_any @ se3.inverse(T_world_any)
+        world = in_given(world, T_floor_world, T_world_any @ first, "kept")
     landmarks = solved.adjusted.landmarks
     points = se3.transform(T_world_any, landmarks.points_world).astype(np.float32)
     return OptimisedMap(
@@ -278,8 +294,8 @@ def _report(solved: Solved, result: OptimisedMap, odometry: Odometry) -> Report:
     warnings = []
     for name, rows in solved.others.items():
         warnings.append(
-            f"frames {rows[0]} to {rows[-1]} are a part of their own, for no loop joins them to the"
-            f" rest: their trajectory is in optimise/{name}, the map is of the largest part"
+            f"{odometry.frames.told(rows)} are a part of their own, for no loop joins them to the"
+            f" rest: their trajectory is in optimise/{name}, the map is of the main part"
         )
     if odometry.given and rejected > kept:
         warnings.append(

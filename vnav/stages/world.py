@@ -51,18 +51,32 @@ def find_world(
     return _upright(up, height, surface, T_any_camera), World("floor", int(members.sum()), rms)
 
 
-def in_given(found: World, T_floor_given: Array, T_given_camera: Array) -> World:
-    """A given world, which is not moved, and where the floor that was found lies in it.
+def in_given(
+    found: World, T_floor_given: Array, T_given_camera: Array, source: str = "given"
+) -> World:
+    """A world that is given, or kept, and where the floor that was found lies in it.
 
     ``T_floor_given``: as `find_world` gives it; ``T_given_camera``: a camera above the floor.
     """
     if found.source != "floor":
-        return World("given", 0, None)
+        return World(source, 0, None)
     up = T_floor_given[2, :3]
     camera = T_given_camera[:3, 3]
     foot = camera - (camera @ up + T_floor_given[2, 3]) * up
     tilt_deg = float(np.rad2deg(np.arccos(np.clip(up[2], -1, 1))))
-    return World("given", found.floor_points, found.floor_rms_m, float(foot[2]), tilt_deg)
+    return World(source, found.floor_points, found.floor_rms_m, float(foot[2]), tilt_deg)
+
+
+def kept_world(T_world_before: Array, T_any_camera: Array) -> Array:
+    """``T_world_any`` that moves cameras least from where they were in a world (N, 4, 4).
+
+    By least squares over each camera's centre and the points 1 m along its axes, so that cameras on
+    one spot or line fix it, too. Rows that are NaN in either count for nothing.
+    """
+    both = np.isfinite(T_world_before[:, 0, 0]) & np.isfinite(T_any_camera[:, 0, 0])
+    marks = np.vstack([np.zeros(3), np.eye(3)])
+    before, now = (se3.transform(T[both], marks) for T in (T_world_before, T_any_camera))
+    return se3.align(before.reshape(-1, 3), now.reshape(-1, 3))
 
 
 def seen_surface(
