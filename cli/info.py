@@ -57,6 +57,8 @@ def _world(world: dict[str, Any]) -> str:
         return f"z up from the floor, flat within {world['floor_rms_m'] * 1000:.0f} mm"
     if world["source"] == "given":
         return "z up as given with the poses"
+    if world["source"] == "kept":
+        return "that of the map before it was extended"
     return f"no floor was seen: z up from the {world['source']}"
 
 

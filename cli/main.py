@@ -14,6 +14,7 @@ from vnav.errors import VnavError  # noqa: E402
 
 COMMANDS = {
     "build-map": "build_map",
+    "extend": "extend",
     "odometry": "stage_commands",
     "vocabulary": "stage_commands",
     "loops": "stage_commands",

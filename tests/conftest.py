@@ -131,6 +131,61 @@ def whole_map(tmp_path_factory: pytest.TempPathFactory, tiny_capture: Path, tiny
     return root
 
 
+@pytest.fixture(scope="session")
+def other_capture(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """24 frames of that room by another camera, on another path, and a photo."""
+    return _recorded("one_room", tmp_path_factory.mktemp("captures") / "other")
+
+
+@pytest.fixture(scope="session")
+def elsewhere(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """24 frames of another place by that camera."""
+    return _recorded("apartment", tmp_path_factory.mktemp("captures") / "elsewhere")
+
+
+def _recorded(name: str, folder: Path) -> Path:
+    """A short walk in a scene: in a small circle, the camera swinging to and fro."""
+    import dataclasses
+
+    from vnav.core.camera import Intrinsics
+    from vnav.synthetic import MINIATURE, SCENES, write_capture
+    from vnav.synthetic.scene import closed_tour
+
+    tour = closed_tour((2.2, 2.0, 20), (2.8, 2.2, 60), (2.6, 2.6, 100), (2.2, 2.4, 60))
+    camera = Intrinsics(360, 270, 290.0, 288.0, 183.0, 131.0)
+    spec = dataclasses.replace(MINIATURE, frames=24, photos=1, camera=camera, scene="walk")
+    with pytest.MonkeyPatch.context() as patch:
+        scene = dataclasses.replace(SCENES[name](spec.seed), tour=tour)
+        patch.setitem(SCENES, "walk", lambda seed: scene)
+        write_capture(folder, dataclasses.replace(spec, height_m=1.3, pitch_deg=-15.0))
+    return folder
+
+
+@pytest.fixture(scope="session")
+def extended_map(
+    tmp_path_factory: pytest.TempPathFactory, whole_map: Path, other_capture: Path
+) -> Path:
+    """The finished map of that room, a pose located in it, extended by the other capture.
+
+    It is fused more coarsely: quick.
+    """
+    import dataclasses
+    import shutil
+
+    from vnav.config import FuseConfig
+    from vnav.io.capture import open_capture
+    from vnav.io.map_folder import MapFolder
+    from vnav.stages.extend import extend, made_with
+
+    folder = MapFolder(tmp_path_factory.mktemp("maps") / "extended")
+    shutil.copytree(whole_map, folder.root)
+    folder.write_current({"photo": "photo.jpg"})
+    coarse = FuseConfig(voxel_m=0.05, octree_m=0.1, mesh_voxel_m=0.1)
+    config = dataclasses.replace(made_with(folder), fuse=coarse)
+    extend(folder, open_capture(other_capture, config.capture), config)
+    return folder.root
+
+
 @dataclass
 class FileServer:
     """A web server for one test: what it has, how it behaves, what it was asked."""

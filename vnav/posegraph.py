@@ -137,11 +137,15 @@ def _between_parts(
 
 def _consensus(transforms: Array) -> Array:
     """The one of (N, 4, 4) that most others are near to."""
-    apart = se3.inverse(transforms)[:, None] @ transforms
-    near = np.linalg.norm(apart[..., :3, 3], axis=-1) < NEAR_M
-    near &= se3.rotation_angle(apart) < NEAR_RAD
-    best: Array = transforms[near.sum(1).argmax()]
+    best: Array = transforms[alike(transforms, transforms).sum(1).argmax()]
     return best
+
+
+def alike(a: Array, b: Array) -> NDArray[np.bool_]:
+    """Which (A, B) of two sets of transformations (A, 4, 4), (B, 4, 4) place a segment alike."""
+    apart = se3.inverse(a)[:, None] @ b
+    near = np.linalg.norm(apart[..., :3, 3], axis=-1) < NEAR_M
+    return np.asarray(near & (se3.rotation_angle(apart) < NEAR_RAD))
 
 
 def softened(edge: Edge, sigma_rad: float, sigma_m: float) -> Edge:

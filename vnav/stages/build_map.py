@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from importlib import import_module
 from pathlib import Path
 
 from vnav.config import Config
@@ -67,19 +68,24 @@ def build_map(
     """
     started = clock()
     expect_captures(folder, captures)
-    from vnav.stages import fuse, index, loops, odometry, optimise, pictures, vocabulary
+    from vnav.stages import odometry
 
-    reports = [
-        odometry.run(folder, captures, config, given=given, progress=progress),
-        vocabulary.run(folder, config, progress=progress),
-        loops.run(folder, config, progress=progress),
-        optimise.run(folder, config, progress=progress),
-        fuse.run(folder, config, progress=progress),
-        index.run(folder, config, progress=progress),
-    ]
-    if reports[STAGES.index("fuse")].reused:
+    tracked = odometry.run(folder, captures, config, given=given, progress=progress)
+    reports = [tracked, *run_stages(folder, STAGES[1:], config, progress)]
+    return [*reports, finished(folder, whole(folder), started)]
+
+
+def run_stages(
+    folder: MapFolder, stages: Sequence[str], config: Config, progress: Progress = silent
+) -> list[Report]:
+    """Run those of some stages after odometry that are not up to date; their reports in order."""
+    modules = [import_module(f"vnav.stages.{stage}") for stage in stages]
+    reports = [module.run(folder, config, progress=progress) for module in modules]
+    if any(report.stage == "fuse" and report.reused for report in reports):
+        from vnav.stages import pictures
+
         pictures.draw(folder)  # a run that was killed may have left none
-    return [*reports, finished(folder, _whole(folder), started)]
+    return reports
 
 
 def expect_captures(folder: MapFolder, captures: Sequence[Capture]) -> None:
@@ -89,11 +95,13 @@ def expect_captures(folder: MapFolder, captures: Sequence[Capture]) -> None:
     if made_of and made_of != found:
         raise MapError(
             f"expected {', '.join(made_of)}, of which the map {folder.root} was made, found"
-            f" {', '.join(found)}; name another folder with --map, or start anew with --fresh"
+            f" {', '.join(found)}; name another folder with --map, add a capture with 'vnav extend"
+            f" {folder.root} CAPTURE', or start anew with --fresh"
         )
 
 
-def _whole(folder: MapFolder) -> Report:
+def whole(folder: MapFolder) -> Report:
+    """Size of the map and memory that it took."""
     files = [path for path in folder.root.rglob("*") if path.is_file()]
     size_mb = sum(path.stat().st_size for path in files) / 1e6
     memory_mb = peak_memory_mb()

@@ -8,17 +8,17 @@ from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import csr_array
 
 from vnav import posegraph
 from vnav.config import Config, LoopsConfig
 from vnav.core import se3
 from vnav.core.camera import Intrinsics
 from vnav.core.frame import Edge, PoseEstimate, Rejected
-from vnav.core.mapping import Keyframe, LoopVerdict, Odometry
+from vnav.core.mapping import LoopVerdict, Odometry
 from vnav.core.progress import Progress, silent
 from vnav.core.report import Report
 from vnav.core.tree import VocabularyTree
+from vnav.features.appearance import tfidf_similarity
 from vnav.features.matching import DescriptorMatcher
 from vnav.io.artifacts import load_odometry, map_camera, save_loops
 from vnav.io.map_folder import MapFolder
@@ -123,21 +123,6 @@ def by_appearance(odometry: Odometry, tree: VocabularyTree, config: LoopsConfig)
     if last > 0 and apart[0, last]:
         pairs.setdefault((0, last), (0, last, "ends", float(similarity[0, last])))
     return list(pairs.values())
-
-
-def tfidf_similarity(keyframes: Sequence[Keyframe], tree: VocabularyTree) -> Array:
-    """Cosine similarity (K, K) of the keyframes' TF-IDF vectors over the tree's leaves."""
-    words = [tree.quantise(k.features.descriptors)[:, -1] for k in keyframes]
-    rows = np.repeat(np.arange(len(words)), [len(w) for w in words])
-    columns = np.concatenate(words)
-    shape = (len(words), int(columns.max(initial=0)) + 1)
-    counts = csr_array((np.ones(len(columns)), (rows, columns)), shape=shape)
-    counts.sum_duplicates()
-    seen_in = np.bincount(counts.indices, minlength=shape[1])
-    weighted = counts * np.log(len(words) / np.maximum(seen_in, 1))
-    length = np.sqrt(weighted.multiply(weighted).sum(1))
-    similarity = np.asarray((weighted @ weighted.T).todense())
-    return similarity / np.maximum(np.outer(length, length), 1e-12)
 
 
 def by_proximity(
