@@ -23,6 +23,7 @@ from vnav.synthetic import (
     one_room,
     write_capture,
 )
+from vnav.synthetic.building import building
 from vnav.synthetic.capture import camera_poses, photo_poses
 from vnav.synthetic.furniture import shelf, table
 from vnav.synthetic.path import look
@@ -286,10 +287,16 @@ def test_shelves_of_the_shop_are_the_same() -> None:
     assert one.std() > 20
 
 
-@pytest.mark.parametrize("name", ["twin_rooms", "shop"])
-def test_the_tours_of_repeating_scenes_are_free(name: str) -> None:
+@pytest.mark.parametrize("name", ["twin_rooms", "shop", "building_2"])
+def test_the_tours_of_larger_scenes_are_free(name: str) -> None:
     scene = SCENES[name](0)
     spec = CaptureSpec(name, 60, 0, CAMERA, CAMERA)
     grid = scene.grid(0.05, 0.1, 1.4)
     cells = grid.cells_at(camera_poses(scene, spec)[:, :2, 3])
     assert (grid.cells[tuple(cells.T)] == FREE).all()
+
+
+def test_a_building_has_as_many_rooms_as_asked() -> None:
+    """Ten times the rooms have ten times the faces, but for the ends of the corridor."""
+    few, many = (len(building(rooms)(0).faces) for rooms in (1, 10))
+    assert 9.5 * few < many <= 10 * few

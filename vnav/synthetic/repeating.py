@@ -17,6 +17,7 @@ from vnav.synthetic.furniture import (
 from vnav.synthetic.scene import Scene, closed_tour, placed, twins
 
 ROOM_M = 4.0
+CORRIDOR_M = 1.8
 SHELF_M = 1.3  # from one shelf of the shop to the next
 SHELVES = 6  # in a row
 
@@ -37,8 +38,8 @@ def twin_rooms(seed: int) -> Scene:
         placed(hung(0.9, 1.2, 1.5, "window"), EDGE, 0.9, 0),
         placed(hung(0.8, 0.6, 1.6, "painting"), x1 - EDGE, 0.9, 180),
         placed(hung(0.6, 0.7, 1.5, "painting"), 4.1, 1.8 - EDGE, -90),
-        *twins("room", _room(0.0)),
-        *twins("room", _room(ROOM_M)),
+        *twins("room", furnished_room(0.0)),
+        *twins("room", furnished_room(ROOM_M)),
         own,
         other,
     ]
@@ -92,9 +93,9 @@ def shop(seed: int) -> Scene:
     return Scene(tuple(pieces), (0, 0, x1, y1, HEIGHT_M), tour, seed)
 
 
-def _room(x0: float) -> list[Piece]:
-    """A furnished room from x0 on, its door to the corridor."""
-    x1, y0, y1 = x0 + ROOM_M, 1.8, 1.8 + ROOM_M
+def furnished_room(x0: float) -> list[Piece]:
+    """A furnished room from x0 on, its door to the corridor, which is 1.8 m wide."""
+    x1, y0, y1 = x0 + ROOM_M, CORRIDOR_M, CORRIDOR_M + ROOM_M
     return [
         *floor_and_ceiling(x0, y0 - 0.05, x1, y1, "planks"),
         wall((x0, y0), (x1, y0), "wallpaper", doors=(2.0,)),

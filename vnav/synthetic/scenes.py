@@ -4,6 +4,7 @@ from collections.abc import Callable
 
 import numpy as np
 
+from vnav.synthetic.building import building
 from vnav.synthetic.furniture import (
     EDGE,
     HEIGHT_M,
@@ -86,6 +87,8 @@ SCENES: dict[str, Callable[[int], Scene]] = {
     "one_room": one_room,
     "twin_rooms": twin_rooms,
     "shop": shop,
+    "building_2": building(2),
+    "building_20": building(20),
 }
 
 
