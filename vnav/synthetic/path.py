@@ -51,7 +51,9 @@ def _closed_curve(tour: NDArray[np.float64], frames: int) -> NDArray[np.float64]
     knots = np.vstack([tour, tour[:1] + turns])
     at = np.concatenate([[0], np.cumsum(_effort(knots))])
     drift = np.outer(at / at[-1], turns)
-    spline = CubicSpline(at, knots - drift, bc_type="periodic")
+    periodic = knots - drift
+    periodic[-1] = periodic[0]  # but for rounding it is
+    spline = CubicSpline(at, periodic, bc_type="periodic")
     fine = np.linspace(0, at[-1], 50 * frames)
     curve = spline(fine) + np.outer(fine / at[-1], turns)
     done = np.concatenate([[0], np.cumsum(_effort(curve))])
