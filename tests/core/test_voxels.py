@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from vnav.core.voxels import Voxels
+from vnav.core.voxels import FARTHEST, Voxels
 
 
 @pytest.fixture
@@ -27,3 +27,20 @@ def test_outside_of_what_is_known_nothing_stands(voxels: Voxels) -> None:
 def test_without_cubes_nothing_stands_anywhere() -> None:
     empty = Voxels.filled(np.zeros((0, 3)), np.zeros(0), 0.05)
     assert not empty.stands_at(np.zeros((2, 3))).any()
+
+
+def test_it_is_told_how_far_away_something_stands_along_the_axis_on_which_it_is_most() -> None:
+    rng = np.random.default_rng(0)
+    cells = rng.integers(0, 30, (5, 3))
+    voxels = Voxels.filled((cells + 0.5) * 0.1, np.full(5, 0.1), 0.1)
+    cells -= cells.min(0)
+    every = np.moveaxis(np.indices(voxels.away.shape), 0, -1)
+    distance = np.abs(every[..., None, :] - cells).max(-1).min(-1)
+    np.testing.assert_array_equal(voxels.away, distance)
+
+
+def test_what_is_far_away_is_at_least_as_far_as_told() -> None:
+    voxels = Voxels.filled([[0.05, 0.05, 0.05], [9.95, 0.05, 0.05]], [0.1, 0.1], 0.1)
+    assert voxels.away.max() == FARTHEST
+    x, y, z = np.array([[-7, 50, 4, 104], [0, 0, -3, 0], [0, 0, 9, 2]])
+    assert voxels.away_from(x, y, z).tolist() == [7, FARTHEST, 9, 5]

@@ -3,7 +3,7 @@ import pytest
 
 from vnav.core import se3
 from vnav.core.voxels import Voxels
-from vnav.localisation.hidden import hidden
+from vnav.localisation.hidden import BEFORE, BEFORE_M, FROM_M, hidden
 from vnav.localisation.view import View
 
 
@@ -44,3 +44,20 @@ def test_where_nothing_is_known_nothing_is_hidden(world):
     nothing = Voxels.filled(np.zeros((0, 3)), np.zeros(0), 0.05)
     assert not hidden(view_from(world, (0, 0, 1)), np.array([[4.0, 0.0, 1.0]]), nothing).any()
     assert hidden(view_from(world, (0, 0, 1)), np.zeros((0, 3)), nothing).shape == (0,)
+
+
+def test_what_is_hidden_is_what_samples_of_the_whole_way_tell(world):
+    """Boxes at random, looked at from inside and outside of where they stand."""
+    rng = np.random.default_rng(0)
+    cubes = np.rint(rng.uniform(-40, 40, (400, 3))) * 0.05
+    voxels = Voxels.filled(cubes, 0.1 * rng.integers(1, 4, 400), 0.05)
+    points = rng.uniform(-2.5, 2.5, (500, 3))
+    for position in ((0.31, 0.12, 0.23), (-4.1, 0.3, 3.2)):
+        way = points - position
+        distance = np.linalg.norm(way, axis=1)
+        blocked = np.zeros(500, bool)
+        for at in np.arange(FROM_M, 10, 0.05):
+            stands = voxels.stands_at(position + way * (at / distance)[:, None])
+            blocked |= stands & (at < distance * (1 - BEFORE) - BEFORE_M)
+        assert 50 < blocked.sum() < 450
+        np.testing.assert_array_equal(hidden(view_from(world, position), points, voxels), blocked)

@@ -79,3 +79,11 @@ def test_the_tree_is_kept_while_nothing_changed(folder: MapFolder) -> None:
 
     config = Config(features=FeaturesConfig(max_features=700))
     assert vocabulary.run(folder, config).reused
+
+
+def test_an_index_of_another_format_is_made_anew(
+    folder: MapFolder, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    index.run(folder, Config())
+    monkeypatch.setattr(index, "FORMAT", index.FORMAT + 1)
+    assert not index.run(folder, Config()).reused

@@ -20,6 +20,9 @@ class MapIndex:
     descriptors, half_norm, owner
         (D, 128) uint8, (D,) float32, (D,) int32: one mean descriptor per landmark and word, half
         its squared length, and its landmark.
+    described_start, described
+        (L + 1,) and (D,) int32: landmark l is described by the rows
+        ``described[described_start[l]:described_start[l + 1]]`` of the descriptors.
     patch_world
         (D, 3) float32: from the landmark along its descriptor's orientation to the edge of the
         described patch, parallel to the image plane of the keyframes that saw it.
@@ -37,9 +40,9 @@ class MapIndex:
         (K, K) bool: keyframes that look at the same part of the place; each is beside itself.
     T_world_keyframe, keyframe_covariance
         (K, 4, 4) and (K, 6, 6) float64.
-    solid, solid_origin, solid_m
-        (X, Y, Z) bool, (3,) and (1,) float64: voxels in which something stands, the outer corner
-        of the first, and their edge in metres.
+    solid_away, solid_origin, solid_m
+        (X, Y, Z) uint8, (3,) and (1,) float64: how many voxels away something stands, the outer
+        corner of the first voxel, and their edge in metres (`Voxels`).
     stranger
         (1,) float32: descriptor distance at which a landmark typically has its nearest landmark
         elsewhere in the map; stands in for a second-nearest that a word does not hold.
@@ -50,6 +53,8 @@ class MapIndex:
     descriptors: NDArray[np.uint8]
     half_norm: NDArray[np.float32]
     owner: NDArray[np.int32]
+    described_start: NDArray[np.int32]
+    described: NDArray[np.int32]
     patch_world: NDArray[np.float32]
     span: NDArray[np.int32]
     seen_start: NDArray[np.int32]
@@ -60,7 +65,7 @@ class MapIndex:
     beside: NDArray[np.bool_]
     T_world_keyframe: NDArray[np.float64]
     keyframe_covariance: NDArray[np.float64]
-    solid: NDArray[np.bool_]
+    solid_away: NDArray[np.uint8]
     solid_origin: NDArray[np.float64]
     solid_m: NDArray[np.float64]
     stranger: NDArray[np.float32]
@@ -74,6 +79,8 @@ class MapIndex:
             "descriptors": (np.uint8, (descriptors, None)),
             "half_norm": (np.float32, (descriptors,)),
             "owner": (np.int32, (descriptors,)),
+            "described_start": (np.int32, (landmarks + 1,)),
+            "described": (np.int32, (descriptors,)),
             "patch_world": (np.float32, (descriptors, 3)),
             "span": (np.int32, (None, 2)),
             "seen_start": (np.int32, (landmarks + 1,)),
@@ -84,7 +91,7 @@ class MapIndex:
             "beside": (np.bool_, (keyframes, keyframes)),
             "T_world_keyframe": (np.float64, (keyframes, 4, 4)),
             "keyframe_covariance": (np.float64, (keyframes, 6, 6)),
-            "solid": (np.bool_, (None, None, None)),
+            "solid_away": (np.uint8, (None, None, None)),
             "solid_origin": (np.float64, (3,)),
             "solid_m": (np.float64, (1,)),
             "stranger": (np.float32, (1,)),
@@ -112,7 +119,7 @@ class MapIndex:
     @property
     def voxels(self) -> Voxels:
         """Where something stands."""
-        return Voxels(self.solid, self.solid_origin, float(self.solid_m[0]))
+        return Voxels(self.solid_away, self.solid_origin, float(self.solid_m[0]))
 
     def landmarks_of(self, keyframes: NDArray[np.intp]) -> NDArray[np.int32]:
         """Landmarks that any of the keyframes saw, ascending."""

@@ -68,12 +68,14 @@ def exp(xi: ArrayLike) -> Array:
     w, v = xi[..., :3], xi[..., 3:]
     angle = np.linalg.norm(w, axis=-1)[..., None, None]
     W = hat(w)
+    W2 = W @ W
     small = angle < 1e-6
     safe = np.where(small, 1.0, angle)
+    a = np.where(small, 1.0 - angle**2 / 6, np.sin(safe) / safe)
     b = np.where(small, 0.5 - angle**2 / 24, (1 - np.cos(safe)) / safe**2)
     c = np.where(small, 1 / 6 - angle**2 / 120, (safe - np.sin(safe)) / safe**3)
-    V = np.eye(3) + b * W + c * (W @ W)
-    return make(exp_so3(w), (V @ v[..., None])[..., 0])
+    V = np.eye(3) + b * W + c * W2
+    return make(np.eye(3) + a * W + b * W2, (V @ v[..., None])[..., 0])
 
 
 def quat_xyzw(R: ArrayLike) -> Array:

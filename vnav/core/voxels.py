@@ -1,4 +1,4 @@
-"""Space in cubes: where something stands."""
+"""Space in cubes: where something stands, and how far away it is."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -8,20 +8,24 @@ from numpy.typing import ArrayLike, NDArray
 
 from vnav.core.arrays import frozen
 
+FARTHEST = 40  # voxels: what is farther away than that is not told apart
+
 
 @dataclass(frozen=True)
 class Voxels:
     """Cubes of edge ``edge_m``, in which something stands or not.
 
-    ``solid`` (X, Y, Z) bool; ``origin`` (3,) float64 in metres: the outer corner of the first.
+    ``away`` (X, Y, Z) uint8: how many voxels away, along the axis on which it is most, the nearest
+    is in which something stands; 0: this one, `FARTHEST`: at least so many. ``origin`` (3,)
+    float64 in metres: the outer corner of the first.
     """
 
-    solid: NDArray[np.bool_]
+    away: NDArray[np.uint8]
     origin: NDArray[np.float64]
     edge_m: float
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "solid", frozen(self.solid, bool, (None, None, None)))
+        object.__setattr__(self, "away", frozen(self.away, np.uint8, (None, None, None)))
         object.__setattr__(self, "origin", frozen(self.origin, float, (3,)))
 
     @classmethod
@@ -40,12 +44,41 @@ class Voxels:
             corners = first[count == size]
             for shift in np.ndindex(size, size, size):
                 solid[tuple((corners + shift).T)] = True
-        return cls(solid, origin, edge_m)
+        return cls(_away(solid), origin, edge_m)
+
+    @property
+    def solid(self) -> NDArray[np.bool_]:
+        """In which voxels (X, Y, Z) something stands."""
+        return np.asarray(self.away == 0)
 
     def stands_at(self, points: NDArray[np.floating[Any]]) -> NDArray[np.bool_]:
         """Whether something stands at points (..., 3); outside of the voxels nothing does."""
-        cell = np.floor((points - self.origin) / self.edge_m).astype(np.intp)
-        inside = ((cell >= 0) & (cell < self.solid.shape)).all(-1)
-        found = np.zeros(inside.shape, bool)
-        found[inside] = self.solid[tuple(cell[inside].T)]
-        return found
+        cells = np.floor((points - self.origin) / self.edge_m).astype(np.intp)
+        return np.asarray(self.away_from(*np.moveaxis(cells, -1, 0)) == 0)
+
+    def away_from(
+        self, x: NDArray[np.intp], y: NDArray[np.intp], z: NDArray[np.intp]
+    ) -> NDArray[np.intp]:
+        """How many voxels away something stands at least; outside, as far as the voxels begin."""
+        if not self.away.size:
+            return np.full(x.shape, FARTHEST)
+        (X, Y, Z), flat = self.away.shape, self.away.reshape(-1)
+        inner = x.clip(0, X - 1), y.clip(0, Y - 1), z.clip(0, Z - 1)
+        found = flat.take((inner[0] * Y + inner[1]) * Z + inner[2])
+        outside = np.maximum(abs(x - inner[0]), np.maximum(abs(y - inner[1]), abs(z - inner[2])))
+        return np.asarray(np.where(outside, outside, found))
+
+
+def _away(solid: NDArray[np.bool_]) -> NDArray[np.uint8]:
+    """How far away the nearest solid voxel is: how often they must grow by one to reach there."""
+    away, reached = np.zeros(solid.shape, np.uint8), solid.copy()
+    for _ in range(FARTHEST):
+        if reached.all():
+            break
+        away += ~reached
+        for axis in range(3):
+            last = np.moveaxis(reached, axis, 0)
+            before = last.copy()
+            last[1:] |= before[:-1]
+            last[:-1] |= before[1:]
+    return away

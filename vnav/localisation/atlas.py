@@ -6,7 +6,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from vnav.core.map_index import MapIndex
+from vnav.core.map_index import MapIndex, rows_of
 from vnav.core.tree import VocabularyTree
 from vnav.localisation.words import Database
 
@@ -36,15 +36,21 @@ class Atlas:
     def words(self, rows: Rows, level: int) -> NDArray[np.int32]:
         """Nodes at a level of the tree (clamped to it) of some rows of descriptors."""
         level = self.tree.clamped(level)
-        is_leaf = self.tree.children == 0
-        at_level = (self.tree.level == level) | ((self.tree.level < level) & is_leaf)
-        nodes = np.flatnonzero(at_level & (self.index.span[:, 1] > self.index.span[:, 0]))
-        nodes = nodes[np.argsort(self.index.span[nodes, 0])]
-        place = np.searchsorted(self.index.span[nodes, 0], rows, "right") - 1
-        return nodes[place].astype(np.int32)
+        if level not in self._words:
+            is_leaf = self.tree.children == 0
+            at_level = (self.tree.level == level) | ((self.tree.level < level) & is_leaf)
+            first, last = self.index.span.T
+            nodes = np.flatnonzero(at_level & (last > first))
+            nodes = nodes[np.argsort(first[nodes])]
+            self._words[level] = np.repeat(nodes, (last - first)[nodes]).astype(np.int32)
+        return self._words[level][rows]
 
-    def rows_of(self, landmarks: NDArray[np.int32]) -> Rows:
-        """Rows of the landmarks' descriptors, ascending."""
-        wanted = np.zeros(len(self.index.points_world), bool)
-        wanted[landmarks] = True
-        return np.flatnonzero(wanted[self.index.owner])
+    @cached_property
+    def _words(self) -> dict[int, NDArray[np.int32]]:
+        """The node of every row, by level; made when first asked for."""
+        return {}
+
+    def rows_of(self, landmarks: NDArray[np.int32] | Rows) -> Rows:
+        """Rows of the landmarks' descriptors, ascending; no landmark twice."""
+        rows = self.index.described[rows_of(self.index.described_start, landmarks)[1]]
+        return np.sort(rows).astype(np.intp)

@@ -111,11 +111,14 @@ def keyframes_around(view: View, index: MapIndex) -> Rows:
 def hits(prediction: Prediction, photo: Photo, atlas: Atlas, radius_px: float) -> Hits:
     """Features near their predicted place, alike in size, orientation and descriptor."""
     p, f = photo.near(prediction.px, radius_px)
-    patch = prediction.patch_px[p]
-    turn = np.arctan2(patch[:, 1], patch[:, 0]) - photo.features.angles_rad[f]
-    turn = np.abs((turn + np.pi) % (2 * np.pi) - np.pi)
-    size = 2 * np.linalg.norm(patch, axis=1) / photo.features.scales_px[f]
-    alike = (turn < PATCH_TURN_RAD) & (np.abs(np.log2(size)) < PATCH_OCTAVES)
+    patch = prediction.patch_px
+    octave = np.log2(2 * np.linalg.norm(patch, axis=1))
+    found_octave = np.log2(photo.features.scales_px)
+    alike = np.abs(octave.take(p) - found_octave.take(f)) < PATCH_OCTAVES
+    p, f = p[alike], f[alike]
+    angle = np.arctan2(patch[:, 1], patch[:, 0])
+    turn = np.abs(angle.take(p) - photo.features.angles_rad.take(f)) % (2 * np.pi)
+    alike = (turn < PATCH_TURN_RAD) | (turn > 2 * np.pi - PATCH_TURN_RAD)
     p, f = p[alike], f[alike]
     difference = atlas.index.descriptors[prediction.rows[p]].astype(np.float32)
     difference -= photo.features.descriptors[f]

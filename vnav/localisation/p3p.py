@@ -20,48 +20,42 @@ def p3p(rays: Array, points_world: Array) -> Array:
     """
     with np.errstate(all="ignore"):
         depths, of_set = _depths(rays, points_world)
-        poses = _poses(depths[..., None] * rays[of_set], points_world[of_set])
+        poses = _poses(depths[..., None] * rays[of_set], points_world, of_set)
     return poses[np.isfinite(poses).all((1, 2))]
 
 
 def _depths(rays: Array, points: Array) -> tuple[Array, NDArray[np.intp]]:
     """Distances (H, 3) of the points along their rays, and which set each belongs to."""
     pairs = ([0, 0, 1], [1, 2, 2])  # 12, 13, 23
-    a = ((points[:, pairs[0]] - points[:, pairs[1]]) ** 2).sum(-1)
-    b = (rays[:, pairs[0]] * rays[:, pairs[1]]).sum(-1)
-    M12, M13, M23 = (_quadric(*pair, b[:, k]) for k, pair in enumerate(zip(*pairs, strict=True)))
-    a12, a13, a23 = (a[:, k, None, None] for k in range(3))
-    D1, D2 = M12 * a23 - M23 * a12, M13 * a23 - M23 * a13
-    D0 = D1 + _degenerate_member(D1, D2)[:, None, None] * D2
-    found = [_on_line(w, a, b) for w in _lines(D0)]
-    depths = np.concatenate([d for pair in found for d in pair])
-    of_set = np.tile(np.arange(len(rays)), 4)
-    usable = np.isfinite(depths).all(1) & (depths > 0).all(1)
-    depths, of_set = depths[usable], of_set[usable]
-    return _polished(depths, a[of_set], b[of_set]), of_set
-
-
-def _quadric(i: int, j: int, cosine: Array) -> Array:
-    """The matrices (S, 3, 3) of ``depth_i^2 - 2 cosine depth_i depth_j + depth_j^2``."""
-    M = np.zeros((len(cosine), 3, 3))
-    M[:, i, i] = M[:, j, j] = 1
-    M[:, i, j] = M[:, j, i] = -cosine
-    return M
+    a = np.ascontiguousarray(((points[:, pairs[0]] - points[:, pairs[1]]) ** 2).sum(-1).T)
+    b = np.ascontiguousarray((rays[:, pairs[0]] * rays[:, pairs[1]]).sum(-1).T)
+    (a12, a13, a23), (b12, b13, b23), zero = a, b, np.zeros(len(rays))
+    D1 = np.array([a23, -a23 * b12, zero, a23 - a12, a12 * b23, -a12])
+    D2 = np.array([a23, zero, -a23 * b13, -a13, a13 * b23, a23 - a13])
+    depths = _on_lines(_lines(D1 + _degenerate_member(D1, D2) * D2), a, b)
+    usable = np.isfinite(depths).all(0) & (depths > 0).all(0)
+    of_set = np.tile(np.arange(len(rays)), 4)[usable]
+    return _polished(depths[:, usable], a[:, of_set], b[:, of_set]).T, of_set
 
 
 def _degenerate_member(D1: Array, D2: Array) -> Array:
-    """A real root g (S,) of ``det(D1 + g D2)``."""
+    """A real root g (S,) of ``det(D1 + g D2)``, of symmetric matrices (6, S): 00 01 02 11 12 22."""
     adjugate1, adjugate2 = _adjugate(D1), _adjugate(D2)
-    c3 = np.linalg.det(D2)
-    c2 = np.einsum("sij,sji->s", adjugate2, D1) / c3
-    c1 = np.einsum("sij,sji->s", adjugate1, D2) / c3
-    c0 = np.linalg.det(D1) / c3
-    return _real_root(c2, c1, c0)
+    c3, c2 = _trace(adjugate2, D2) / 3, _trace(adjugate2, D1)
+    c1, c0 = _trace(adjugate1, D2), _trace(adjugate1, D1) / 3
+    return _real_root(c2 / c3, c1 / c3, c0 / c3)
 
 
 def _adjugate(D: Array) -> Array:
-    """Adjugates (S, 3, 3) of matrices: their inverse times their determinant."""
-    return _cross(D[:, [1, 2, 0]], D[:, [2, 0, 1]]).swapaxes(1, 2)
+    """Adjugates (6, S) of symmetric matrices: their inverse times their determinant."""
+    d00, d01, d02, d11, d12, d22 = D
+    first = d11 * d22 - d12 * d12, d02 * d12 - d01 * d22, d01 * d12 - d02 * d11
+    return np.array([*first, d00 * d22 - d02 * d02, d01 * d02 - d00 * d12, d00 * d11 - d01 * d01])
+
+
+def _trace(A: Array, B: Array) -> Array:
+    """Traces (S,) of products of symmetric matrices (6, S)."""
+    return np.asarray(np.array([1.0, 2, 2, 1, 2, 1]) @ (A * B))
 
 
 def _real_root(c2: Array, c1: Array, c0: Array) -> Array:
@@ -80,54 +74,55 @@ def _real_root(c2: Array, c1: Array, c0: Array) -> Array:
 
 
 def _lines(D0: Array) -> tuple[Array, Array]:
-    """The two planes ``depth_1 = w0 depth_2 + w1 depth_3`` (S, 2) that D0 falls into."""
-    finite = np.asarray(np.isfinite(D0).all((1, 2)))
-    values, vectors = np.linalg.eigh(np.where(finite[:, None, None], D0, np.eye(3)))
-    # The middle eigenvalue is the one that vanishes: the two others have opposite signs.
-    s = np.sqrt(np.maximum(-values[:, 0] / values[:, 2], 0))[:, None]
-    e_low, e_high = vectors[:, :, 0], vectors[:, :, 2]
-    planes = []
-    for normal in (e_high - s * e_low, e_high + s * e_low):
-        w = -normal[:, 1:] / normal[:, :1]
-        planes.append(np.where(finite[:, None], w, np.nan))
-    return planes[0], planes[1]
+    """The two planes ``depth_1 = w0 depth_2 + w1 depth_3`` that D0 falls into: w0, w1 (2, S).
+
+    Of the quadratic equation for depth_1: as D0 is degenerate, its discriminant is the square of
+    ``r2 depth_2 + r3 depth_3``.
+    """
+    d00, d01, d02, d11, d12, d22 = D0
+    r2_squared, r2_r3, r3_squared = d01 * d01 - d00 * d11, d01 * d02 - d00 * d12, d02 * d02
+    r3_squared = r3_squared - d00 * d22
+    larger = np.sqrt(np.maximum(np.maximum(r2_squared, r3_squared), 0))
+    other = r2_r3 / np.where(larger > 0, larger, 1)
+    second = r2_squared > r3_squared
+    r2, r3 = np.where(second, larger, other), np.where(second, other, larger)
+    sign = np.array([[1.0], [-1.0]])
+    return (sign * r2 - d01) / d00, (sign * r3 - d02) / d00
 
 
-def _on_line(w: Array, a: Array, b: Array) -> tuple[Array, Array]:
-    """Depths (S, 3), twice, on one plane, from ratio tau of third to second depth."""
-    (w0, w1), (a12, _, a23), (b12, _, b23) = w.T, a.T, b.T
+def _on_lines(w: tuple[Array, Array], a: Array, b: Array) -> Array:
+    """Depths (3, 4 S) on either plane, from the two ratios tau of third to second depth."""
+    (w0, w1), (a12, _, a23), (b12, _, b23) = w, a, b
     # a23 * (d1^2 - 2 b12 d1 d2 + d2^2) = a12 * (d2^2 - 2 b23 d2 d3 + d3^2), with d2 = 1, d3 = tau
-    qa = a23 * w1**2 - a12
-    qb = a23 * 2 * (w0 * w1 - b12 * w1) + 2 * a12 * b23
-    qc = a23 * (w0**2 - 2 * b12 * w0 + 1) - a12
-    root = np.sqrt(qb**2 - 4 * qa * qc)
-    half = -0.5 * (qb + np.where(qb < 0, -1, 1) * root)
-    depths = []
-    for tau in (half / qa, qc / half):
-        d2 = np.sqrt(a23 / (tau * (tau - 2 * b23) + 1))
-        d3 = tau * d2
-        depths.append(np.stack([w0 * d2 + w1 * d3, d2, d3], -1))
-    return depths[0], depths[1]
+    qa = a23 * w1 * w1 - a12
+    qb = 2 * (a23 * (w0 - b12) * w1 + a12 * b23)
+    qc = a23 * (w0 * (w0 - 2 * b12) + 1) - a12
+    half = -0.5 * (qb + np.copysign(np.sqrt(qb * qb - 4 * qa * qc), qb))
+    tau = np.stack([half / qa, qc / half])
+    d2 = np.sqrt(a23 / (tau * (tau - 2 * b23) + 1))
+    d3 = tau * d2
+    return np.stack([w0 * d2 + w1 * d3, d2, d3]).reshape(3, -1)
 
 
 def _polished(depths: Array, a: Array, b: Array) -> Array:
-    """Depths after Gauss-Newton on the three squared distances."""
-    i, j = [0, 0, 1], [1, 2, 2]
+    """Depths (3, H) after Gauss-Newton on the three squared distances; a, b (3, H)."""
+    first, second = [0, 0, 1], [1, 2, 2]
     for _ in range(POLISHING):
-        di, dj = depths[:, i], depths[:, j]
-        residual = di**2 - 2 * b * di * dj + dj**2 - a
-        J = np.zeros((len(depths), 3, 3))
-        rows = np.arange(3)
-        J[:, rows, i], J[:, rows, j] = 2 * (di - b * dj), 2 * (dj - b * di)
-        step = np.einsum("sij,sj->si", _adjugate(J), residual)
-        depths = depths - step / np.linalg.det(J)[:, None]
+        di, dj = depths[first], depths[second]
+        f12, f13, f23 = (di * (di - 2 * b * dj) + dj * dj - a) / 2
+        # J = [[p, q, 0], [r, 0, s], [0, t, u]]
+        (p, r, t), (q, s, u) = di - b * dj, dj - b * di
+        x1 = s * (q * f23 - t * f12) - q * u * f13
+        x2 = u * (p * f13 - r * f12) - p * s * f23
+        x3 = t * (r * f12 - p * f13) - q * r * f23
+        depths = depths + np.stack([x1, x2, x3]) / (p * s * t + q * r * u)
     return depths
 
 
-def _poses(points_camera: Array, points_world: Array) -> Array:
-    """``T_camera_world`` (H, 3, 4) from three points (H, 3, 3) known on both sides."""
-    R = _basis(points_camera) @ np.swapaxes(_basis(points_world), 1, 2)
-    t = points_camera[:, 0] - np.einsum("hij,hj->hi", R, points_world[:, 0])
+def _poses(points_camera: Array, points_world: Array, of_set: NDArray[np.intp]) -> Array:
+    """``T_camera_world`` (H, 3, 4) from three points (H, 3, 3) in the camera, of a set each."""
+    R = _basis(points_camera) @ np.swapaxes(_basis(points_world), 1, 2)[of_set]
+    t = points_camera[:, 0] - np.einsum("hij,hj->hi", R, points_world[of_set, 0])
     return np.concatenate([R, t[..., None]], -1)
 
 
@@ -137,9 +132,8 @@ def _cross(a: Array, b: Array) -> Array:
 
 
 def _basis(points: Array) -> Array:
-    """Orthonormal axes, as columns, of the triangles (H, 3, 3)."""
+    """Orthonormal axes, as columns, of the triangles (S, 3, 3)."""
     x = points[:, 1] - points[:, 0]
-    x = x / np.linalg.norm(x, axis=1, keepdims=True)
     z = _cross(x, points[:, 2] - points[:, 0])
-    z = z / np.linalg.norm(z, axis=1, keepdims=True)
+    x, z = (v / np.sqrt(np.einsum("si,si->s", v, v))[:, None] for v in (x, z))
     return np.stack([x, _cross(z, x), z], -1)

@@ -36,8 +36,8 @@ class Photo:
     def database(self) -> Database:
         """The features as what landmarks are searched in."""
         descriptors = self.features.descriptors
-        position = self.features.keypoints_px
-        return Database(descriptors, half_norms(descriptors), position, SAME_KEYPOINT_PX)
+        position, values = self.features.keypoints_px, descriptors.astype(np.float32)
+        return Database(values, half_norms(descriptors), position, SAME_KEYPOINT_PX)
 
     @property
     def intrinsics(self) -> Intrinsics:
@@ -51,21 +51,58 @@ class Photo:
 
     def near(self, px: NDArray[np.float64], radius_px: float) -> tuple[Rows, Rows]:
         """Pairs: row of ``px`` (P, 2), in the image, and a feature within the radius of it."""
-        columns, rows = (int(extent / radius_px) + 3 for extent in self.intrinsics.size)
-        cell = np.floor(self.features.keypoints_px / radius_px).astype(np.intp) + 1
-        cell = cell.clip(1, [columns - 2, rows - 2])
+        buckets = self._buckets(radius_px)
+        # Three cells side by side are one run of the sorted features.
+        first = buckets.of(px)[:, None] + buckets.columns * np.array([-1, 0, 1])
+        source, place = ranges(buckets.start[first.ravel() - 1], buckets.start[first.ravel() + 2])
+        source //= 3
+        x, y = px.T
+        dx = buckets.x.take(place) - x.take(source)
+        dy = buckets.y.take(place) - y.take(source)
+        close = np.flatnonzero(dx * dx + dy * dy < radius_px**2)
+        return source[close], buckets.order[place[close]]
+
+    def _buckets(self, radius_px: float) -> "Buckets":
+        """The features in cells of that edge; those of the radii that were asked for are kept."""
+        if radius_px not in self._bucketed:
+            px, size = self.features.keypoints_px.astype(float), self.intrinsics.size
+            self._bucketed[radius_px] = Buckets.filled(px, radius_px, size)
+        return self._bucketed[radius_px]
+
+    @cached_property
+    def _bucketed(self) -> "dict[float, Buckets]":
+        return {}
+
+
+@dataclass(frozen=True)
+class Buckets:
+    """Points sorted by the square cell of the image that they lie in; a cell is around it, empty.
+
+    ``order`` (N,): the points' numbers, ``x``, ``y`` (N,) where they are, ``start``: of each cell.
+    """
+
+    edge_px: float
+    columns: int
+    start: Rows
+    order: Rows
+    x: NDArray[np.float64]
+    y: NDArray[np.float64]
+
+    @classmethod
+    def filled(cls, px: NDArray[np.float64], edge_px: float, size: tuple[int, int]) -> "Buckets":
+        """With points (N, 2) of an image; those outside are put into the nearest cell."""
+        columns, rows = (int(extent / edge_px) + 3 for extent in size)
+        cell = (np.floor(px / edge_px).astype(np.intp) + 1).clip(1, [columns - 2, rows - 2])
         bucket = cell[:, 1] * columns + cell[:, 0]
         order = np.argsort(bucket, kind="stable")
         start = np.append(0, np.cumsum(np.bincount(bucket, minlength=columns * rows)))
-        centre = np.floor(px / radius_px).astype(np.intp) + 1
-        centre = centre[:, 1] * columns + centre[:, 0]
-        # Three cells side by side are one run of the sorted features.
-        first = (centre[:, None] + columns * np.array([-1, 0, 1])).ravel()
-        source, place = ranges(start[first - 1], start[first + 2])
-        feature = order[place]
-        offset = self.features.keypoints_px[feature] - px[source // 3]
-        close = np.einsum("ij,ij->i", offset, offset) < radius_px**2
-        return source[close] // 3, feature[close]
+        x, y = np.ascontiguousarray(px[order].T)
+        return cls(edge_px, columns, start, order, x, y)
+
+    def of(self, px: NDArray[np.float64]) -> Rows:
+        """The cell (P,) of each point (P, 2) in the image."""
+        column, row = np.floor(px / self.edge_px).astype(np.intp).T + 1
+        return np.asarray(row * self.columns + column)
 
 
 def prepare(

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from vnav.core.camera import Intrinsics
 from vnav.localisation.minimal import SIX, THREE, VAGUE, Minimal
 from vnav.localisation.refine import Lens, Sightings, refine
-from vnav.localisation.view import View
+from vnav.localisation.view import MIN_DEPTH_M, View
 
 Array = NDArray[np.float64]
 
@@ -113,11 +113,19 @@ def _minimal_sets(count: int, size: int, rng: np.random.Generator) -> NDArray[np
 
 def _errors(poses: Array, focal: Array, k: Intrinsics, seen: Sightings) -> Array:
     """Squared reprojection errors (H, M) in pixels, inf behind the camera."""
-    p = poses[:, :, :3] @ seen.points_world.T.astype(float) + poses[:, :, 3:]
-    z = np.where(p[:, 2] > 1e-3, p[:, 2], np.nan)
-    u = k.fx * focal[:, None] * p[:, 0] / z + k.cx - seen.px[:, 0]
-    v = k.fy * focal[:, None] * p[:, 1] / z + k.cy - seen.px[:, 1]
-    return np.asarray(np.nan_to_num(u * u + v * v, nan=np.inf))
+    K = np.zeros((len(poses), 3, 3))
+    K[:, 0, 0], K[:, 1, 1], K[:, 2, 2] = k.fx * focal, k.fy * focal, 1
+    K[:, 0, 2], K[:, 1, 2] = k.cx, k.cy
+    P = np.swapaxes(K @ poses, 0, 1).reshape(-1, 4)
+    points = np.column_stack([seen.points_world, np.ones(len(seen.px))])
+    x, y, z = (P @ points.T).reshape(3, len(poses), -1)
+    front = z > MIN_DEPTH_M
+    inverse_z = 1 / np.where(front, z, 1)
+    x *= inverse_z
+    x -= seen.px[:, 0]
+    y *= inverse_z
+    y -= seen.px[:, 1]
+    return np.where(front, x * x + y * y, np.inf)
 
 
 def _view(pose: Array, focal: float, k: Intrinsics) -> View:

@@ -5,7 +5,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from vnav.core import se3
 from vnav.core.camera import Intrinsics
 from vnav.localisation.view import MIN_DEPTH_M, View
 
@@ -80,12 +79,12 @@ def refine(view: View, seen: Sightings, lens: Lens) -> Refined:
 def _normal(view: View, seen: Sightings, lens: Lens) -> tuple[Array, Array, float]:
     """Information matrix, gradient and cost, each point weighted by Huber's kernel."""
     J, r = _linearised(view, seen, lens.focal_sigma > 0)
-    size = np.linalg.norm(r, axis=1)
-    weight = HUBER_SIGMAS / np.maximum(size, HUBER_SIGMAS)
-    weighted = (J * weight[:, None, None]).reshape(-1, J.shape[2])
-    H, g = weighted.T @ J.reshape(-1, J.shape[2]), weighted.T @ r.reshape(-1)
-    far = HUBER_SIGMAS * (2 * size - HUBER_SIGMAS)
-    cost = float(np.where(size > HUBER_SIGMAS, far, size**2).sum())
+    size = np.sqrt(r[0] * r[0] + r[1] * r[1])
+    near = np.minimum(size, HUBER_SIGMAS)
+    weighted = J * (HUBER_SIGMAS / np.maximum(size, HUBER_SIGMAS))
+    weighted, J = weighted.reshape(len(J), -1), J.reshape(len(J), -1)
+    H, g = weighted @ J.T, weighted @ r.reshape(-1)
+    cost = float((near * (2 * size - near)).sum())
     if lens.focal_sigma > 0:
         off = np.log(view.intrinsics.fx / lens.intrinsics.fx) / lens.focal_sigma
         H[6, 6] += lens.focal_sigma**-2
@@ -95,22 +94,22 @@ def _normal(view: View, seen: Sightings, lens: Lens) -> tuple[Array, Array, floa
 
 
 def _linearised(view: View, seen: Sightings, with_focal: bool) -> tuple[Array, Array]:
-    """Residuals (N, 2) over their standard deviation, and their Jacobian (N, 2, 6 or 7).
+    """Residuals (2, N) over their standard deviation, and their Jacobian (6 or 7, 2, N).
 
     ``T_world_camera @ exp(xi)`` moves a point p in the camera by hat(p) rotation - translation.
     """
     k = view.intrinsics
-    p = se3.transform(view.T_camera_world, seen.points_world)
-    inverse_z = 1 / np.maximum(p[:, 2], MIN_DEPTH_M)
-    x, y = p[:, 0] * inverse_z, p[:, 1] * inverse_z
-    r = np.stack([k.fx * x + k.cx - seen.px[:, 0], k.fy * y + k.cy - seen.px[:, 1]], 1)
-    J = np.zeros((len(p), 2, 7 if with_focal else 6))
-    J[:, 0, 0], J[:, 0, 1], J[:, 0, 2] = x * y, -1 - x * x, y
-    J[:, 1, 0], J[:, 1, 1], J[:, 1, 2] = 1 + y * y, -x * y, -x
-    J[:, 0, 3], J[:, 0, 5] = -inverse_z, x * inverse_z
-    J[:, 1, 4], J[:, 1, 5] = -inverse_z, y * inverse_z
-    if with_focal:
-        J[:, 0, 6], J[:, 1, 6] = x, y
+    p = view.T_camera_world[:3, :3] @ seen.points_world.T + view.T_camera_world[:3, 3:]
+    inverse_z = 1 / np.maximum(p[2], MIN_DEPTH_M)
+    x, y = p[0] * inverse_z, p[1] * inverse_z
     weight = 1 / np.sqrt(seen.variance_px2)
-    J *= np.stack([k.fx * weight, k.fy * weight], 1)[..., None]
-    return J, r * weight[:, None]
+    u, v = k.fx * weight, k.fy * weight
+    r = np.stack([k.fx * x + k.cx - seen.px[:, 0], k.fy * y + k.cy - seen.px[:, 1]]) * weight
+    J = np.zeros((7 if with_focal else 6, 2, len(x)))
+    J[0, 0], J[1, 0], J[2, 0] = x * y * u, (-1 - x * x) * u, y * u
+    J[0, 1], J[1, 1], J[2, 1] = (1 + y * y) * v, -x * y * v, -x * v
+    J[3, 0], J[5, 0] = -inverse_z * u, x * inverse_z * u
+    J[4, 1], J[5, 1] = -inverse_z * v, y * inverse_z * v
+    if with_focal:
+        J[6, 0], J[6, 1] = x * u, y * v
+    return J, r

@@ -66,8 +66,10 @@ def completed(found: Matches, query: Query) -> Matches:
     Landmarks with the fewest candidates first, until there are enough (claim 4, 2.6 to 2.9).
     """
     photo, atlas, config = query.photo, query.atlas, query.config
-    near = np.setdiff1d(atlas.index.neighbours[found.landmark], found.landmark)
-    rows = atlas.rows_of(near.astype(np.int32))
+    near = np.zeros(len(atlas.index.points_world), bool)
+    near[atlas.index.neighbours[found.landmark]] = True
+    near[found.landmark] = False
+    rows = atlas.rows_of(np.flatnonzero(near))
     span = photo.span[atlas.words(rows, config.level_3d_2d)]
     candidates = span[:, 1] - span[:, 0]
     queue = np.argsort(candidates, kind="stable")

@@ -1,26 +1,28 @@
 """Nearest descriptors among those that share a word."""
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from vnav.core.map_index import ranges
-
 Floats = NDArray[np.float32]
 Rows = NDArray[np.intp]
+
+PAIRS = 8000  # of query and candidate whose descriptors stay in the cache
+LONGER = 1.5  # a range than the shortest of its part, at most, and by one
 
 
 @dataclass(frozen=True)
 class Database:
-    """Descriptors (D, 128) uint8 in the order of the tree's leaves, and where each lies.
+    """Descriptors (D, 128), bytes, in the order of the tree's leaves, and where each lies.
 
     Two descriptors whose ``position`` (D, k) differs by less than ``apart`` in every coordinate
     may be of the same thing: one is no rival of the other. ``half_norm`` (D,): half the squared
     length of each.
     """
 
-    descriptors: NDArray[np.uint8]
+    descriptors: NDArray[np.uint8] | Floats
     half_norm: Floats
     position: Floats
     apart: float
@@ -40,46 +42,60 @@ def nearest_apart(
     ``queries`` (Q, 128), ``span`` (Q, 2), none empty. Each row lies elsewhere than the nearer ones;
     where there are no more, the distance is inf. Linear search, as in claim 4, 2.4.
     """
-    order = np.argsort(span[:, 0], kind="stable")
-    rows, squared = _nearest_apart(queries[order], span[order], database, count)
-    back = np.argsort(order)
-    return rows[back], np.sqrt(squared[back])
+    rows = np.zeros((len(queries), count), np.intp)
+    squared = np.zeros((len(queries), count), np.float32)
+    for part in _parts(span[:, 1] - span[:, 0]):
+        rows[part], squared[part] = _nearest_apart(queries[part], span[part], database, count)
+    return rows, np.sqrt(squared)
+
+
+def _parts(length: NDArray[np.int32]) -> Iterator[Rows]:
+    """The ranges in parts of about the same length, small enough for the processor's cache."""
+    order = np.argsort(length, kind="stable")
+    ascending, first = length[order], 0
+    while first < len(order):
+        longest = int(LONGER * ascending[first]) + 1
+        alike = int(ascending.searchsorted(longest, "right"))
+        last = min(alike, first + max(1, PAIRS // longest))
+        yield order[first:last]
+        first = last
 
 
 def _nearest_apart(
     queries: NDArray[np.uint8], span: NDArray[np.int32], database: Database, count: int
 ) -> tuple[Rows, Floats]:
-    """The same for queries in order of their range, with squared distances."""
-    source, row = ranges(span[:, 0], span[:, 1])
-    squared = _squared_distances(queries, span, database, len(row))
-    first = np.append(0, np.cumsum(span[:, 1] - span[:, 0])[:-1])
-    nearest, least = [], []
-    for _ in range(count):
-        least.append(np.minimum.reduceat(squared, first))
-        at = np.flatnonzero(squared == least[-1][source])
-        nearest.append(row[at[np.append(True, source[at][1:] != source[at][:-1])]])
-        near = np.ones(len(row), bool)
-        for x in database.position.T:
-            near &= np.abs(x[row] - x[nearest[-1]][source]) < database.apart
-        squared[near] = np.inf
-    return np.stack(nearest, 1), np.stack(least, 1)
+    """The same for ranges of about the same length, with squared distances."""
+    length = span[:, 1] - span[:, 0]
+    slot = np.arange(length.max())
+    row = span[:, :1] + np.minimum(slot, length[:, None] - 1)  # short ranges repeat their last
+    half = _half_distances(queries, row, database)
+    half[slot >= length[:, None]] = np.inf
+    nearest = np.zeros((count, len(row)), np.intp)
+    least = np.zeros((count, len(row)), np.float32)
+    for k in range(count):
+        left = np.arange(len(row))
+        while len(left):
+            at = half[left].argmin(1)
+            nearest[k, left], least[k, left] = row[left, at], half[left, at]
+            half[left, at] = np.inf
+            left = left[_beside(nearest[:, left], k, database) & np.isfinite(least[k, left])]
+    return nearest.T, 2 * (least.T + half_norms(queries)[:, None])
 
 
-def _squared_distances(
-    queries: NDArray[np.uint8], span: NDArray[np.int32], database: Database, total: int
-) -> Floats:
-    """All of a query's squared distances, query after query; queries of one word in one product.
+def _beside(nearest: Rows, k: int, database: Database) -> NDArray[np.bool_]:
+    """Where the k-th of the rows (count, Q) may be of the same thing as one before it."""
+    found = np.zeros(nearest.shape[1], bool)
+    for before in nearest[:k]:
+        offset = np.abs(database.position[nearest[k]] - database.position[before])
+        found |= offset.max(1) < database.apart
+    return found
+
+
+def _half_distances(queries: NDArray[np.uint8], row: Rows, database: Database) -> Floats:
+    """Half the squared distances (Q, n) to rows (Q, n), but for half the query's squared length.
 
     Exact in float32: sums of products of bytes stay below 2^24.
     """
-    values, half_norm = queries.astype(np.float32), half_norms(queries)
-    squared = np.empty(total, np.float32)
-    starts = np.flatnonzero(np.append(True, span[1:, 0] != span[:-1, 0]))
-    end = 0
-    for low, high in zip(starts.tolist(), np.append(starts[1:], len(span)).tolist(), strict=True):
-        first, last = span[low].tolist()
-        block = values[low:high] @ database.descriptors[first:last].astype(np.float32).T
-        block = half_norm[low:high, None] + database.half_norm[first:last] - block
-        begin, end = end, end + block.size
-        squared[begin:end] = block.ravel()
-    return 2 * squared
+    candidates = database.descriptors.take(row, 0).astype(np.float32, copy=False)
+    product = np.matmul(candidates, queries.astype(np.float32)[:, :, None])[:, :, 0]
+    return np.asarray(database.half_norm.take(row) - product)

@@ -16,12 +16,13 @@ from vnav.stages.common import clock, finished, reused, settings_of
 from vnav.volumes.octree import Octree
 
 STAGE = "index"
+FORMAT = 2  # of index.npz: what was indexed by another one is indexed anew
 
 
 def run(folder: MapFolder, config: Config, *, progress: Progress = silent) -> Report:
     """Index the map's landmarks by the words of their descriptors; writes index/index.npz."""
     started = clock()
-    settings = settings_of(config, STAGE)
+    settings = settings_of(config, STAGE) | {"format": FORMAT}
     inputs = folder.inputs_of("odometry", "vocabulary", "optimise", "fuse")
     if folder.is_current(STAGE, settings, inputs):
         return reused(folder, STAGE)
