@@ -36,6 +36,7 @@ check: setup
 bench: setup $(VENV)/bench
 	$(BIN)/python benchmarks/astar.py
 	$(BIN)/python benchmarks/speed.py
+	$(BIN)/python benchmarks/locating.py
 
 # Hours. The table at the end tells of runs that failed, too.
 bench-real: setup

@@ -1,0 +1,86 @@
+"""What finding a photo is held against: exhaustive matching, and other solvers of absolute pose."""
+
+import importlib
+from types import ModuleType
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vnav.config import Config
+from vnav.core import se3
+from vnav.core.frame import Features
+from vnav.core.mapping import Keyframe
+from vnav.features.matching import match
+from vnav.io.artifacts import load_odometry, load_optimised
+from vnav.io.map_folder import MapFolder
+from vnav.localisation.ransac import Terms, agree
+from vnav.localisation.refine import Lens, Sightings
+from vnav.stages.answer import Answer
+
+Array = NDArray[np.float64]
+
+RATIO, BEST_KEYFRAMES = 0.8, 12
+
+
+class Exhaustive:
+    """Every keyframe's features with depth, to be matched one keyframe after the other."""
+
+    def __init__(self, folder: MapFolder) -> None:
+        poses = load_optimised(folder).T_world_camera
+        self._views = [_with_depth(k, poses[k.row]) for k in load_odometry(folder).keyframes]
+
+    def locate(self, answer: Answer, config: Config) -> Array | None:
+        """T_world_camera of a photo whose features are known; None where there is no pose."""
+        photo, found = answer.photo, []
+        for features, points in self._views:
+            rows = match(features, photo.features, RATIO)
+            found.append((len(rows), points[rows[:, 0]], photo.features.keypoints_px[rows[:, 1]]))
+        found = sorted(found, key=lambda view: -view[0])[:BEST_KEYFRAMES]
+        points, px = (np.concatenate([view[k] for view in found]) for k in (1, 2))
+        threshold_px = config.locate.ransac_threshold_px * photo.pixel
+        seen = Sightings(points, px, np.full(len(px), photo.pixel**2))
+        if poselib := optional("poselib"):
+            return by_poselib(poselib, photo.lens, seen, threshold_px)
+        least, iterations = config.locate.min_inliers, config.locate.ransac_iterations
+        terms = Terms(threshold_px, least, iterations, "p3p")
+        agreed = agree(photo.lens, seen, terms, np.random.default_rng(config.seed))
+        return agreed.view.T_world_camera if agreed else None
+
+
+def _with_depth(keyframe: Keyframe, T_world_camera: Array) -> tuple[Features, NDArray[np.float32]]:
+    rows = np.flatnonzero(keyframe.has_depth)
+    points = se3.transform(T_world_camera, keyframe.points_camera[rows])
+    return keyframe.features[rows], points.astype(np.float32)
+
+
+def optional(name: str) -> ModuleType | None:
+    """A solver that need not be installed."""
+    try:
+        return importlib.import_module(name)
+    except ImportError:
+        return None
+
+
+def by_poselib(poselib: Any, lens: Lens, seen: Sightings, threshold_px: float) -> Array | None:
+    """T_world_camera; None where nothing agrees."""
+    k = lens.intrinsics
+    camera = {"model": "PINHOLE", "width": k.width, "height": k.height}
+    camera["params"] = [k.fx, k.fy, k.cx, k.cy]
+    px, points = seen.px.astype(float), seen.points_world.astype(float)
+    options = {"max_reproj_error": threshold_px}
+    pose, found = poselib.estimate_absolute_pose(px, points, camera, options, {})
+    if found["num_inliers"] < 4:
+        return None
+    return se3.inverse(np.vstack([pose.Rt, [0, 0, 0, 1]]))
+
+
+def by_pycolmap(pycolmap: Any, lens: Lens, seen: Sightings, threshold_px: float) -> None:
+    """The same by COLMAP's estimator with refinement."""
+    k = lens.intrinsics
+    params = [k.fx, k.fy, k.cx, k.cy]
+    camera = pycolmap.Camera(model="PINHOLE", width=k.width, height=k.height, params=params)
+    options = pycolmap.AbsolutePoseEstimationOptions()
+    options.ransac.max_error = threshold_px
+    px, points = seen.px.astype(float), seen.points_world.astype(float)
+    pycolmap.estimate_and_refine_absolute_pose(px, points, camera, options)

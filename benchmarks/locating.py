@@ -1,0 +1,268 @@
+"""How long finding a photo takes, held against its SIFT, exhaustive matching and other solvers.
+
+    python benchmarks/locating.py [--out DIR] [--every N]
+
+builds what is missing of the maps in DIR: house, with its photos, and the first half of
+redkitchen01 at its true poses, asked for every tenth frame of the second half (both from
+../shared/captures; without them a rendered apartment at its true poses); and a building of 2 and of
+20 rooms. In one run, each photo goes through everything in turn, so that other load on the machine
+counts for all; ratios are to the SIFT extraction of the same photo, and medians are told.
+
+Exhaustive matching: the features with depth of every keyframe against the photo's, one keyframe
+after the other, by the ratio test; the pose from the matches of the 12 keyframes with most of them
+by poselib's RANSAC at vnav's threshold (vnav's own where poselib is not there), with no further
+verification. Recall counts poses within 5 cm and 5 degrees. poselib and pycolmap also solve the
+matches that vnav's first RANSAC of a photo got. Exit code 1 where something wanted is missed.
+"""
+
+import argparse
+import os
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+os.environ["OPENBLAS_NUM_THREADS"] = "1"  # as for the command line
+
+import numpy as np  # noqa: E402
+from exhaustive import Exhaustive, by_poselib, by_pycolmap, optional  # noqa: E402
+from numpy.typing import NDArray  # noqa: E402
+from photo_cases import Case, building, cases, command  # noqa: E402
+
+from vnav.config import Config  # noqa: E402
+from vnav.core import se3  # noqa: E402
+from vnav.io.index_file import load_index  # noqa: E402
+from vnav.io.trajectories import read_tum  # noqa: E402
+from vnav.io.tree_file import load_tree  # noqa: E402
+from vnav.localisation import hypotheses, localise  # noqa: E402
+from vnav.localisation.ransac import Terms, agree  # noqa: E402
+from vnav.localisation.refine import Lens, Sightings  # noqa: E402
+from vnav.stages.answer import Answer  # noqa: E402
+from vnav.stages.locate import Locator  # noqa: E402
+
+Array = NDArray[np.float64]
+
+WANTED = {"all that follows": 0.5}  # times SIFT
+WANTED_COLD_S, WANTED_LOAD_S, WANTED_GROWTH, WANTED_BUSY = 1.5, 0.3, 2.0, 0.75
+MISSED_AT_MOST = 1  # photos that exhaustive matching finds and vnav does not
+RIGHT_M, RIGHT_DEG = 0.05, 5.0
+ROOMS = 2, 20
+COLD_RUNS = 5
+PARTS = (  # of what follows SIFT: what is told, and the functions that do it
+    ("search", localise, "seeds"),
+    ("search", localise, "alike"),
+    ("search", hypotheses, "places"),
+    ("search", hypotheses, "completed"),
+    ("RANSAC and its refinement", hypotheses, "_consensus"),
+    ("verification", hypotheses, "_verified"),
+)
+
+
+@dataclass
+class Clock:
+    """Seconds by name, and what the first RANSAC of a photo was given and took."""
+
+    seconds: dict[str, float] = field(default_factory=dict)
+    solved: tuple[Lens, Sightings, Terms, float] | None = None
+
+    def around(self, name: str, function: Callable[..., Any]) -> Callable[..., Any]:
+        """The function, timed."""
+
+        def timed(*arguments: Any) -> Any:
+            started = time.perf_counter()
+            result = function(*arguments)
+            spent = time.perf_counter() - started
+            self.seconds[name] = self.seconds.get(name, 0.0) + spent
+            return result
+
+        return timed
+
+    def keeping(self, solver: Callable[..., Any]) -> Callable[..., Any]:
+        """The solver; its first arguments and seconds are kept."""
+
+        def kept(lens: Lens, seen: Sightings, terms: Terms, rng: np.random.Generator) -> Any:
+            started = time.perf_counter()
+            result = solver(lens, seen, terms, rng)
+            if self.solved is None and result is not None:
+                self.solved = lens, seen, terms, time.perf_counter() - started
+            return result
+
+        return kept
+
+
+@contextmanager
+def watched() -> Iterator[Clock]:
+    """A clock on the parts of finding a photo."""
+    clock = Clock()
+    before = [(module, name, getattr(module, name)) for _, module, name in PARTS]
+    before.append((hypotheses, "agree", agree))
+    try:
+        for part, module, name in PARTS:
+            setattr(module, name, clock.around(part, getattr(module, name)))
+        setattr(hypotheses, "agree", clock.keeping(agree))  # noqa: B010
+        yield clock
+    finally:
+        for module, name, function in before:
+            setattr(module, name, function)
+
+
+def asked(locator: Locator, photo: Path) -> tuple[Answer, dict[str, float], Clock]:
+    """The answer, and seconds of SIFT, of the parts that follow, and of all that follows."""
+    with watched() as clock:
+        answer = locator.locate(photo)
+    seconds = dict(clock.seconds)
+    total, parts = answer.seconds["search_and_pose"], sum(seconds.values())
+    seconds |= {"quantisation, evidence and the rest": total - parts, "all that follows": total}
+    return answer, {"SIFT of the photo": answer.seconds["features"]} | seconds, clock
+
+
+def solvers_s(clock: Clock) -> dict[str, float]:
+    """Seconds of vnav's and other solvers on the matches of the photo's first RANSAC."""
+    if clock.solved is None:
+        return {}
+    lens, seen, terms, spent = clock.solved
+    seconds = {"the first RANSAC, by vnav": spent}
+    for name, solve in (("poselib", by_poselib), ("pycolmap", by_pycolmap)):
+        if module := optional(name):
+            started = time.perf_counter()
+            solve(module, lens, seen, terms.threshold_px)
+            seconds[f"the same by {name}"] = time.perf_counter() - started
+    return seconds
+
+
+def is_right(T_world_camera: Array | None, true: Array) -> bool:
+    """Whether a pose is within 5 cm and 5 degrees."""
+    if T_world_camera is None:
+        return False
+    off = se3.inverse(true) @ T_world_camera
+    degrees = np.rad2deg(se3.rotation_angle(off))
+    return bool(np.linalg.norm(off[:3, 3]) <= RIGHT_M and degrees <= RIGHT_DEG)
+
+
+def report(case: Case, every: int) -> bool:
+    """Ask a case's photos, print what it took, and tell whether all that is wanted is there."""
+    config = Config()
+    locator, exhaustive = Locator(case.folder, config, case.camera), Exhaustive(case.folder)
+    photos, rows = case.photos[::every], []
+    locator.locate(photos[0])  # what is only done once is done
+    right = np.zeros(3, int)
+    for photo in photos:
+        answer, seconds, clock = asked(locator, photo)
+        started = time.perf_counter()
+        pose = exhaustive.locate(answer, config)
+        seconds["exhaustive matching"] = time.perf_counter() - started
+        rows.append(seconds | solvers_s(clock))
+        likeliest = answer.result.hypotheses[:1]
+        poses = [
+            answer.best.view.T_world_camera if answer.best else None,
+            likeliest[0].view.T_world_camera if likeliest else None,
+            pose,
+        ]
+        right += [is_right(pose, case.truth[photo.name]) for pose in poses]
+    load = " ".join(f"{value:.1f}" for value in os.getloadavg())
+    print(f"\n## {case.name}: {len(photos)} photos, {os.cpu_count()} cores, load {load}\n")
+    ratios = _table(rows)
+    for name in ("poselib", "pycolmap"):
+        if not optional(name):
+            print(f"{name} is not installed, and left out; `pip install {name}` brings it in")
+    solver = "poselib" if optional("poselib") else "vnav"
+    given, best, all_found = right
+    print(f"\nwithin {100 * RIGHT_M:g} cm and {RIGHT_DEG:g} deg: {given} given, {best} with the")
+    print(f"likeliest pose whatever its probability, {all_found} by exhaustive matching and")
+    print(f"{solver}'s RANSAC (wanted: at most {MISSED_AT_MOST} fewer than it)")
+    slow = [name for name, limit in WANTED.items() if ratios[name] > limit]
+    return not slow and best >= all_found - MISSED_AT_MOST
+
+
+def _table(rows: list[dict[str, float]]) -> dict[str, float]:
+    """Print medians of seconds by name and of their ratios to SIFT's; the ratios."""
+    names, found = list(dict.fromkeys(name for row in rows for name in row)), {}
+    print("| | ms | / SIFT | wanted |", "|---|---|---|---|", sep="\n")
+    for name in names:
+        values = np.array([row.get(name, 0.0) for row in rows])
+        sift = np.array([row["SIFT of the photo"] for row in rows])
+        found[name] = float(np.median(values / sift))
+        wanted = f"at most {WANTED[name]:g}" if name in WANTED else ""
+        print(f"| {name} | {1e3 * np.median(values):.1f} | {found[name]:.3f} | {wanted} |")
+    return found
+
+
+def cold(case: Case) -> bool:
+    """Print how long one photo takes from the shell, and how long the index takes to load."""
+    locate = command("locate", case.photos[0], "--map", case.folder.root)
+    locate += ["--camera", str(case.camera)] if case.camera else []
+    whole, load = [], []
+    for _ in range(COLD_RUNS):
+        started = time.perf_counter()
+        subprocess.run(locate, stdout=subprocess.DEVNULL, check=False)
+        whole.append(time.perf_counter() - started)
+        started = time.perf_counter()
+        index = load_index(case.folder)
+        load_tree(case.folder)
+        load.append(time.perf_counter() - started)
+    whole_s, load_s = np.median(whole), np.median(load)
+    frames = len(read_tum(case.folder.stage("optimise") / "trajectory_0.tum").stamps_s)
+    print(f"\n{case.name}, {frames} frames, {len(index.points_world)} landmarks: `vnav locate`")
+    print(f"from the shell {whole_s:.2f} s (wanted: less than {WANTED_COLD_S:g}); its index and")
+    print(f"tree are loaded in {load_s:.3f} s (wanted: less than {WANTED_LOAD_S:g})")
+    return bool(whole_s < WANTED_COLD_S and load_s < WANTED_LOAD_S)
+
+
+def growth(small: Case, large: Case) -> bool:
+    """Print how much longer the search of the same photos takes in the larger map."""
+    locators = [Locator(case.folder, Config(), case.camera) for case in (small, large)]
+    found, landmarks = [], [len(it.atlas.index.points_world) for it in locators]
+    for photo in [small.photos[0], *small.photos]:
+        found.append([asked(locator, photo)[1] for locator in locators])
+    print(f"\n## {small.name} and {large.name}: {landmarks[0]} and {landmarks[1]} landmarks\n")
+    print("| | ms | ms in the larger | ratio | wanted |", "|---|---|---|---|---|", sep="\n")
+    ratios = {}
+    for name in ("search", "all that follows"):
+        ms = 1e3 * np.array([[seconds.get(name, 0) for seconds in pair] for pair in found[1:]])
+        ratios[name] = float(np.median(ms[:, 1] / ms[:, 0]))
+        wanted = f"at most {WANTED_GROWTH:g}" if name == "search" else ""
+        few, many = np.median(ms, 0)
+        print(f"| {name} | {few:.1f} | {many:.1f} | {ratios[name]:.2f} | {wanted} |")
+    return ratios["search"] <= WANTED_GROWTH
+
+
+def busy(case: Case) -> bool:
+    """Print which share of all cores `vnav locate DIR --csv` keeps busy."""
+    with tempfile.TemporaryDirectory() as scratch:
+        photos = Path(scratch) / "photos"
+        photos.mkdir()
+        for photo in case.photos:
+            (photos / photo.name).symlink_to(photo.resolve())
+        camera = case.camera or case.photos[0].parent / "camera.toml"
+        options = ("--camera", camera, "--csv", Path(scratch) / "poses.csv")
+        locate = command("locate", photos, "--map", case.folder.root, *options)
+        started = time.perf_counter()
+        with subprocess.Popen(locate, stdout=subprocess.DEVNULL) as process:
+            usage = os.wait4(process.pid, 0)[2]
+            process.returncode = 0  # waited for
+        wall_s = time.perf_counter() - started
+    cores = len(os.sched_getaffinity(0))
+    share = (usage.ru_utime + usage.ru_stime) / wall_s / cores
+    print(f"\n`vnav locate DIR --csv` of {len(case.photos)} photos, {case.name}: {wall_s:.1f} s,")
+    print(f"{share:.0%} of {cores} cores busy (wanted: at least {WANTED_BUSY:.0%})")
+    return bool(share >= WANTED_BUSY)
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
+    parser.add_argument("--out", type=Path, default=Path("bench/locating"), help="of the maps")
+    parser.add_argument("--every", type=int, default=1, help="take every so many photos only")
+    options = parser.parse_args(arguments)
+    places, buildings = cases(options.out), [building(options.out, rooms) for rooms in ROOMS]
+    good = [report(case, options.every) for case in places]
+    good += [cold(places[0]), cold(buildings[1]), growth(*buildings), busy(places[0])]
+    return int(not all(good))
+
+
+if __name__ == "__main__":
+    sys.exit(main())

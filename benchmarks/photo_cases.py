@@ -1,0 +1,98 @@
+"""Maps and the photos that are asked of them, with their true poses: made once, then reused."""
+
+import shutil
+import subprocess
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from calibrate_confidence import photos_of, true_poses
+from numpy.typing import NDArray
+from posed_map import synthetic_map
+from speed import SHARED
+
+from vnav.io.map_folder import MapFolder
+from vnav.io.trajectories import read_tum
+from vnav.synthetic.capture import KINECT, PHONE, CaptureSpec, write_capture
+
+Array = NDArray[np.float64]
+
+HALF, EVERY = 500, 10  # frames of the kitchen that are mapped; of the others, those asked
+FRAMES_A_ROOM, PHOTOS = 65, 20  # of a building
+
+
+@dataclass(frozen=True)
+class Case:
+    """A map and what it is asked: photos, their camera (None: beside them), their true poses."""
+
+    name: str
+    folder: MapFolder
+    photos: list[Path]
+    camera: Path | None
+    truth: dict[str, Array]  # T_world_camera by file name
+
+
+def cases(out: Path) -> list[Case]:
+    """What is there to ask photos of."""
+    if (SHARED / "house").is_dir() and (SHARED / "redkitchen01").is_dir():
+        return [house(out), kitchen_halves(out)]
+    folder = synthetic_map(out / "apartment", "apartment", 1, 200, 40)
+    return [_posed("apartment", folder, out / "apartment" / "capture")]
+
+
+def house(out: Path) -> Case:
+    """The house as vnav maps it, and its photos."""
+    capture = SHARED / "house"
+    folder = built(out / "house", capture)
+    return Case("house", folder, photos_of(capture), None, true_poses(folder, capture))
+
+
+def kitchen_halves(out: Path) -> Case:
+    """Half of the kitchen at its true poses; frames of the other half."""
+    kitchen, half = SHARED / "redkitchen01", out / "redkitchen_half_capture"
+    half.mkdir(parents=True, exist_ok=True)
+    for name in ("rgb", "depth"):
+        lines = (kitchen / f"{name}.txt").read_text("utf-8").splitlines()
+        (half / f"{name}.txt").write_text("\n".join(lines[: HALF + 1]) + "\n", "utf-8")
+        if not (half / name).exists():
+            (half / name).symlink_to((kitchen / name).resolve())
+    shutil.copy(kitchen / "camera.toml", half)
+    folder = built(out / "redkitchen_half", half, kitchen / "groundtruth.txt")
+    photos = sorted((kitchen / "rgb").iterdir(), key=lambda path: float(path.stem))
+    photos = photos[HALF::EVERY]
+    truth = read_tum(kitchen / "groundtruth.txt")
+    stamps = np.array([float(photo.stem) for photo in photos])
+    rows = np.abs(truth.stamps_s - stamps[:, None]).argmin(1)
+    poses = dict(zip((p.name for p in photos), truth.T_world_camera[rows], strict=True))
+    camera = kitchen / "camera.toml"
+    return Case("redkitchen01, other half", folder, photos, camera, poses)
+
+
+def building(out: Path, rooms: int) -> Case:
+    """A building of so many rooms at its true poses, and photos taken in it."""
+    root = out / f"building_{rooms}"
+    capture = root / "capture"
+    if not capture.is_dir():
+        small = KINECT.scaled(320, 240)
+        spec = CaptureSpec(f"building_{rooms}", FRAMES_A_ROOM * rooms, PHOTOS, small, PHONE)
+        write_capture(capture, spec)
+    folder = built(root / "map", capture, capture / "groundtruth.txt")
+    return _posed(f"building of {rooms} rooms", folder, capture)
+
+
+def _posed(name: str, folder: MapFolder, capture: Path) -> Case:
+    return Case(name, folder, photos_of(capture), None, true_poses(folder, capture))
+
+
+def built(folder: Path, capture: Path, poses: Path | None = None) -> MapFolder:
+    """The map of a capture; what is there of it already is reused."""
+    options = ("--trajectory", poses) if poses else ()
+    build = command("build-map", capture, "--map", folder, *options)
+    subprocess.run(build, check=True, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    return MapFolder.open(folder)
+
+
+def command(*arguments: object) -> list[str]:
+    """`vnav` with these arguments, as a process."""
+    return [sys.executable, "-P", "-m", "vnav.cli.main", *map(str, arguments)]

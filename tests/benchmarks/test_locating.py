@@ -1,0 +1,77 @@
+from collections.abc import Callable
+from pathlib import Path
+from types import ModuleType
+
+import numpy as np
+import pytest
+
+from vnav.config import Config
+from vnav.io.map_folder import MapFolder
+from vnav.stages.locate import Locator
+
+
+@pytest.fixture(scope="module")
+def locating(script: Callable[[str], ModuleType]) -> ModuleType:
+    return script("locating")
+
+
+@pytest.fixture(scope="module")
+def case(script: Callable[[str], ModuleType], whole_map: Path, tiny_capture: Path):  # type: ignore[no-untyped-def]
+    """The small room and its photos."""
+    cases = script("photo_cases")
+    folder = MapFolder.open(whole_map)
+    truth = cases.true_poses(folder, tiny_capture)
+    return cases.Case("room", folder, cases.photos_of(tiny_capture), None, truth)
+
+
+def test_the_parts_of_finding_a_photo_add_up(locating: ModuleType, case) -> None:  # type: ignore[no-untyped-def]
+    before = locating.hypotheses.completed
+    answer, seconds, clock = locating.asked(Locator(case.folder, Config()), case.photos[0])
+    assert locating.hypotheses.completed is before
+    assert answer.best is not None
+    parts = ("search", "RANSAC and its refinement", "verification")
+    rest = seconds["quantisation, evidence and the rest"]
+    assert min(seconds[part] for part in parts) > 0
+    assert rest > 0
+    total = sum(seconds[part] for part in parts) + rest
+    assert total == pytest.approx(seconds["all that follows"], abs=1e-3)
+    lens, seen, _, spent = clock.solved
+    assert lens.intrinsics == answer.photo.intrinsics
+    assert len(seen.px) >= 5
+    assert spent > 0
+
+
+def test_exhaustive_matching_finds_photos_too(locating: ModuleType, case) -> None:  # type: ignore[no-untyped-def]
+    locator, exhaustive = Locator(case.folder, Config()), locating.Exhaustive(case.folder)
+    poses = [exhaustive.locate(locator.locate(photo), Config()) for photo in case.photos]
+    right = [
+        locating.is_right(T, case.truth[p.name]) for T, p in zip(poses, case.photos, strict=True)
+    ]
+    assert sum(right) >= len(right) - 1
+
+
+def test_a_pose_is_right_within_5_cm_and_5_degrees(locating: ModuleType) -> None:
+    off = locating.se3.exp([0.05, 0, 0, 0.03, 0, 0])
+    assert locating.is_right(off, np.eye(4))
+    assert not locating.is_right(off @ off, np.eye(4))
+    assert not locating.is_right(None, np.eye(4))
+
+
+def test_solvers_that_are_not_installed_are_left_out_and_named(  # type: ignore[no-untyped-def]
+    locating: ModuleType,
+    case,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.setattr(locating, "optional", lambda name: None)
+    locating.report(case, 1)
+    said = capsys.readouterr().out
+    assert "the first RANSAC, by vnav" in said
+    assert "the same by" not in said
+    assert "poselib is not installed" in said
+    assert "pycolmap is not installed" in said
+
+
+def test_ratios_are_medians_of_each_photos_own(locating: ModuleType) -> None:
+    rows = [{"SIFT of the photo": s, "all that follows": t} for s, t in ((1, 2), (2, 2), (4, 1))]
+    assert locating._table(rows)["all that follows"] == 1.0
