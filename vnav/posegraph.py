@@ -137,13 +137,13 @@ def _between_parts(
 
 def _consensus(transforms: Array) -> Array:
     """The one of (N, 4, 4) that most others are near to."""
-    best: Array = transforms[alike(transforms, transforms).sum(1).argmax()]
+    apart = se3.inverse(transforms)[:, None] @ transforms
+    best: Array = transforms[is_near(apart).sum(1).argmax()]
     return best
 
 
-def alike(a: Array, b: Array) -> NDArray[np.bool_]:
-    """Which (A, B) of two sets of transformations (A, 4, 4), (B, 4, 4) place a segment alike."""
-    apart = se3.inverse(a)[:, None] @ b
+def is_near(apart: Array) -> NDArray[np.bool_]:
+    """Whether two poses that are so far apart (..., 4, 4) are as good as the same."""
     near = np.linalg.norm(apart[..., :3, 3], axis=-1) < NEAR_M
     return np.asarray(near & (se3.rotation_angle(apart) < NEAR_RAD))
 

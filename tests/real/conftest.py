@@ -82,16 +82,28 @@ def redkitchen(captures: Path, vnav: Vnav, tmp_path_factory: pytest.TempPathFact
 
 
 @pytest.fixture(scope="session")
-def short_capture(captures: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+def part_of(
+    captures: Path, tmp_path_factory: pytest.TempPathFactory
+) -> Callable[[str, int, int | None], Path]:
+    """Some frames of a capture, from the first to before the last, as one of their own; linked."""
+
+    def part(name: str, first: int, last: int | None) -> Path:
+        folder = tmp_path_factory.mktemp("captures") / f"{name}_{first}"
+        folder.mkdir()
+        for images in ("rgb", "depth"):
+            head, *lines = (captures / name / f"{images}.txt").read_text().splitlines()
+            (folder / f"{images}.txt").write_text("\n".join([head, *lines[first:last]]) + "\n")
+            (folder / images).symlink_to(captures / name / images)
+        shutil.copy(captures / name / "camera.toml", folder)
+        return folder
+
+    return part
+
+
+@pytest.fixture(scope="session")
+def short_capture(part_of: Callable[[str, int, int | None], Path]) -> Path:
     """The house's first frames as a capture of their own."""
-    folder = tmp_path_factory.mktemp("captures") / "short"
-    folder.mkdir()
-    for name in ("rgb", "depth"):
-        lines = (captures / "house" / f"{name}.txt").read_text().splitlines()
-        (folder / f"{name}.txt").write_text("\n".join(lines[: SHORT + 1]) + "\n")
-        (folder / name).symlink_to(captures / "house" / name)
-    shutil.copy(captures / "house" / "camera.toml", folder)
-    return folder
+    return part_of("house", 0, SHORT)
 
 
 @pytest.fixture(scope="session")

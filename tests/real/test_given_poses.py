@@ -1,7 +1,6 @@
 """The first half of the kitchen mapped at its true poses; the second half's frames are found."""
 
 import json
-import shutil
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -19,16 +18,13 @@ HALF, EVERY = 500, 10
 
 @pytest.fixture(scope="module")
 def answers(
-    captures: Path, vnav: Callable[..., Any], tmp_path_factory: pytest.TempPathFactory
+    captures: Path,
+    part_of: Callable[..., Path],
+    vnav: Callable[..., Any],
+    tmp_path_factory: pytest.TempPathFactory,
 ) -> list[dict[str, Any]]:
     """What locate says of every tenth frame of the second half."""
-    kitchen, folder = captures / "redkitchen01", tmp_path_factory.mktemp("captures") / "half"
-    folder.mkdir()
-    for name in ("rgb", "depth"):
-        lines = (kitchen / f"{name}.txt").read_text().splitlines()
-        (folder / f"{name}.txt").write_text("\n".join(lines[: HALF + 1]) + "\n")
-        (folder / name).symlink_to(kitchen / name)
-    shutil.copy(kitchen / "camera.toml", folder)
+    kitchen, folder = captures / "redkitchen01", part_of("redkitchen01", 0, HALF)
     map_dir = tmp_path_factory.mktemp("maps") / "half"
     poses = kitchen / "groundtruth.txt"
     vnav("build-map", folder, "--map", map_dir, "--trajectory", poses)

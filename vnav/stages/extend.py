@@ -4,12 +4,12 @@ import dataclasses
 import shutil
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from vnav.config import Config, updated
-from vnav.core import se3
 from vnav.core.frame import Edge
 from vnav.core.mapping import LOST, FrameTable, Odometry
 from vnav.core.progress import Progress, silent
@@ -17,8 +17,6 @@ from vnav.core.report import Report
 from vnav.errors import CaptureError, ConfigError, MapError
 from vnav.io.artifacts import (
     add_keyframes,
-    load_loop_edges,
-    load_loops,
     load_odometry,
     load_optimised,
     map_camera,
@@ -30,8 +28,9 @@ from vnav.io.replacement import replacing
 from vnav.stages.build_map import run_stages, whole
 from vnav.stages.check import require_usable
 from vnav.stages.common import clock, finished, reused, settings_of
+from vnav.stages.joined import joined, require_joined, require_seen, told
 from vnav.stages.odometry import described, report, track
-from vnav.stages.recognise import AGREEING, Recognised, recognise
+from vnav.stages.recognise import recognise
 
 Array = NDArray[np.float64]
 
@@ -59,21 +58,23 @@ def extend(
     the place of the map, or its loops disagree with where its keyframes were located.
     """
     started = clock()
-    _require_fit(folder, capture, config)
+    entry = described(len(folder.captures), capture)
+    _require_fit(folder, entry, config)
     checked = require_usable(capture, force=force, progress=progress)
     with replacing(folder) as draft:
+        draft.set_captures([*folder.captures, entry])
         tracked = _track(folder, draft, capture, config, progress)
         both = load_odometry(draft)
         seen = recognise(folder, both, map_camera(draft, -1), config, progress)
-        _require_seen(seen, folder, capture)
+        require_seen(seen, capture.name, folder)
         posed = run_stages(draft, ("vocabulary", "loops", "optimise"), config, progress)
-        joined = _joined(draft, both, seen)
-        _require_joined(joined, folder, capture)
+        found = joined(draft, both, seen)
+        require_joined(found, capture.name, folder)
         reports = [tracked, *posed, *run_stages(draft, ("fuse", "index"), config, progress)]
         current = folder.current()
         if current is not None:  # its world is kept
             draft.write_current(current)
-        reports.append(finished(draft, _report(joined, whole(draft)), started))
+        reports.append(finished(draft, told(found, whole(draft)), started))
     return Extended(checked.warnings, reports)
 
 
@@ -88,7 +89,7 @@ def made_with(folder: MapFolder) -> Config:
     return updated(Config(), changes, f"the stages of {folder.root}")
 
 
-def _require_fit(folder: MapFolder, capture: Capture, config: Config) -> None:
+def _require_fit(folder: MapFolder, entry: dict[str, Any], config: Config) -> None:
     """MapError, ConfigError or CaptureError where the capture cannot be joined to such a map."""
     made = made_with(folder)
     if load_odometry(folder).given:
@@ -101,11 +102,10 @@ def _require_fit(folder: MapFolder, capture: Capture, config: Config) -> None:
             f"expected the features that {folder.root} was made with, found other settings of"
             " [features]; features of two kinds cannot be matched"
         )
-    fingerprint = capture.fingerprint()
     for mapped in folder.captures:
-        if mapped["fingerprint"] == fingerprint:
+        if mapped["fingerprint"] == entry["fingerprint"]:
             raise CaptureError(
-                f"expected a capture that is not in {folder.root} yet, found {capture.name}, which"
+                f"expected a capture that is not in {folder.root} yet, found {entry['name']}, which"
                 f" is its capture {mapped['id']}; give another"
             )
 
@@ -116,8 +116,7 @@ def _track(
     """The odometry stage of the extended map: that of the old one, and of the new capture."""
     started = clock()
     settings = settings_of(config, "capture", "features", "registration", "odometry")
-    captures = [*folder.captures, described(len(folder.captures), capture)]
-    inputs = {f"capture_{c['id']}": c["fingerprint"] for c in captures}
+    inputs = {f"capture_{c['id']}": c["fingerprint"] for c in draft.captures}
     before = folder.inputs_of("odometry", "optimise")
     inputs |= {f"{stage}_before": digest for stage, digest in before.items()}
     if draft.is_current("odometry", settings, inputs):
@@ -125,7 +124,6 @@ def _track(
     with draft.writing("odometry", settings, inputs) as path:
         both = _appended(folder, path, capture, config, progress)
         save_odometry(path, both)
-        draft.set_captures(captures)
     return finished(draft, report(both), started)
 
 
@@ -165,77 +163,3 @@ def append(old: Odometry, new: Odometry, T_world_camera: Array) -> Odometry:
 
 def _moved(edge: Edge, rows: int) -> Edge:
     return Edge(edge.i + rows, edge.j + rows, edge.T_i_j, edge.information)
-
-
-def _require_seen(seen: Recognised, folder: MapFolder, capture: Capture) -> None:
-    """CaptureError where too few keyframes were located, or in places that do not agree."""
-    if seen.agreeing >= AGREEING:
-        return
-    best = ""
-    if seen.best:
-        best = f"; the best of the others: {seen.best.reason}, {seen.best.inliers} inliers"
-    raise CaptureError(
-        f"expected {capture.name} to show the place of the map {folder.root}, found {len(seen)} of"
-        f" {seen.asked} keyframes in it, {seen.agreeing} of which agree where {AGREEING} are needed"
-        f"{best}; the map is as it was. Record more of what it shows, or make a map of its own with"
-        " 'vnav build-map'"
-    )
-
-
-@dataclass(frozen=True)
-class Joined:
-    """What became of a new capture.
-
-    Of its ``frames``, those ``posed``; of its keyframes ``asked``, those ``located`` in the map
-    before; ``closures`` kept with what was mapped before, and how many put it where it was located.
-    """
-
-    frames: int
-    posed: int
-    asked: int
-    located: int
-    closures: int
-    borne_out: int
-
-
-def _joined(draft: MapFolder, both: Odometry, seen: Recognised) -> Joined:
-    before, is_new = both.T_world_before, both.frames.capture == both.frames.capture[-1]
-    assert before is not None
-    across = [e for e in _kept(draft) if np.isfinite(before[e.i, 0, 0]) and is_new[e.j]]
-    T_world_segment = np.array(
-        [before[e.i] @ e.T_i_j @ se3.inverse(both.T_segment_camera[e.j]) for e in across]
-    ).reshape(-1, 4, 4)
-    borne_out = seen.bears_out(both.segment[[e.j for e in across]], T_world_segment)
-    posed = np.isfinite(load_optimised(draft).T_world_camera[is_new, 0, 0])
-    counts = len(posed), int(posed.sum()), seen.asked, len(seen)
-    return Joined(*counts, len(across), int(borne_out.sum()))
-
-
-def _kept(folder: MapFolder) -> list[Edge]:
-    """The closures that the pose graph bore out."""
-    edges, _ = load_loop_edges(folder)
-    found, judged = load_loops(folder, "loops"), load_loops(folder, "optimise")
-    accepted = [late for early, late in zip(found, judged, strict=True) if early.accepted]
-    return [e for e, verdict in zip(edges, accepted, strict=True) if verdict.accepted]
-
-
-def _require_joined(joined: Joined, folder: MapFolder, capture: Capture) -> None:
-    """CaptureError where no loop joins the capture there where its keyframes were located."""
-    if joined.posed and joined.borne_out >= AGREEING:
-        return
-    raise CaptureError(
-        f"expected loops that join {capture.name} to the map {folder.root} where {joined.located}"
-        f" of its keyframes were located, found {joined.closures}, of which {joined.borne_out}"
-        " agree with that; the map is as it was. Record more of what it shows"
-    )
-
-
-def _report(joined: Joined, whole_map: Report) -> Report:
-    """The report of the whole map, and of how it was extended."""
-    lines = (
-        f"{joined.posed} of {joined.frames} frames joined to the map by {joined.closures} loops;"
-        f" {joined.located} of {joined.asked} keyframes asked were located in it",
-        *whole_map.lines,
-    )
-    values = whole_map.values | {"joined": vars(joined)}
-    return dataclasses.replace(whole_map, values=values, lines=lines)

@@ -1,6 +1,7 @@
 """Does a capture show the place of a map? Its keyframes are looked for as photos are: claim 4."""
 
 import os
+from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
@@ -20,7 +21,7 @@ from vnav.localisation.atlas import Atlas
 from vnav.localisation.localise import Located, NotLocated, localise
 from vnav.localisation.photo import prepare
 from vnav.localisation.query import Query
-from vnav.posegraph import alike
+from vnav.posegraph import is_near
 
 Array = NDArray[np.float64]
 MOST = 48  # keyframes that are asked, those that look most like the map's first
@@ -29,33 +30,42 @@ AGREEING = 3  # of one segment: each is right with a chance of 95 % and more, wr
 
 
 @dataclass(frozen=True)
-class Recognised:
-    """Keyframes of a capture that were located in a map, of those that were asked.
-
-    ``segment`` (S,) of the odometry, and where each located keyframe puts it, ``T_world_segment``
-    (S, 4, 4); ``best``: of those not located, the one that came nearest to it.
-    """
+class Sightings:
+    """Where cameras (S,) of a new capture stood in a map's world, and in their own segments."""
 
     segment: NDArray[np.int32]
-    T_world_segment: Array
-    asked: int
-    best: NotLocated | None
+    T_segment_camera: Array
+    T_world_camera: Array
 
     def __len__(self) -> int:
         return len(self.segment)
 
-    def bears_out(self, segment: NDArray[np.int32], T_world_segment: Array) -> NDArray[np.bool_]:
-        """Which of other places (N, 4, 4) of segments (N,) a located keyframe agrees with."""
-        return np.asarray(self._agrees(segment, T_world_segment).any(1))
+    def agree(self, others: "Sightings") -> NDArray[np.bool_]:
+        """Which (S, O) of two sightings each agree, by the motion between them in their segment.
+
+        Compared where the first camera stands: from afar, a small turn moves it a long way.
+        """
+        T_world_segment = others.T_world_camera @ se3.inverse(others.T_segment_camera)
+        expected = T_world_segment @ self.T_segment_camera[:, None]
+        near = is_near(se3.inverse(self.T_world_camera)[:, None] @ expected)
+        return np.asarray(near & (self.segment[:, None] == others.segment))
+
+
+@dataclass(frozen=True)
+class Recognised:
+    """Keyframes of a capture that were located in a map, of those that were asked.
+
+    ``best``: of those not located, the one that came nearest to it.
+    """
+
+    located: Sightings
+    asked: int
+    best: NotLocated | None
 
     @property
     def agreeing(self) -> int:
-        """How many located keyframes agree on the place of a segment, at the most."""
-        return int(self._agrees(self.segment, self.T_world_segment).sum(1).max(initial=0))
-
-    def _agrees(self, segment: NDArray[np.int32], T_world_segment: Array) -> NDArray[np.bool_]:
-        same = segment[:, None] == self.segment
-        return np.asarray(same & alike(T_world_segment, self.T_world_segment))
+        """How many located keyframes agree with one of them, at the most; each does with itself."""
+        return int(self.located.agree(self.located).sum(1).max(initial=0))
 
 
 def recognise(
@@ -78,13 +88,13 @@ def recognise(
         return localise(query, np.random.default_rng(config.seed))
 
     keyframes = _most_alike(odometry, atlas)[:MOST]
-    found = Recognised(np.zeros(0, np.int32), np.zeros((0, 4, 4)), 0, None)
+    answers: list[Located | NotLocated] = []
+    found = _recognised([], [], odometry)
     with ThreadPoolExecutor(os.cpu_count()) as pool:
-        while found.asked < len(keyframes) and found.agreeing < AGREEING:
-            batch = keyframes[found.asked : found.asked + AT_ONCE]
-            for keyframe, result in zip(batch, pool.map(ask, batch), strict=True):
-                found = _with(found, keyframe, result, odometry)
-            progress("locate", found.asked, len(keyframes))
+        while len(answers) < len(keyframes) and found.agreeing < AGREEING:
+            answers += pool.map(ask, keyframes[len(answers) :][:AT_ONCE])
+            found = _recognised(keyframes, answers, odometry)
+            progress("locate", len(answers), len(keyframes))
     progress("locate", len(keyframes), len(keyframes))
     return found
 
@@ -98,18 +108,17 @@ def _most_alike(odometry: Odometry, atlas: Atlas) -> list[Keyframe]:
     return [keyframes[k] for k in new[np.argsort(-likeness, kind="stable")]]
 
 
-def _with(
-    found: Recognised, keyframe: Keyframe, result: Located | NotLocated, odometry: Odometry
+def _recognised(
+    keyframes: Sequence[Keyframe], answers: Sequence[Located | NotLocated], odometry: Odometry
 ) -> Recognised:
-    """What was found so far, and one keyframe's answer."""
-    if isinstance(result, NotLocated):
-        best = max(filter(None, (found.best, result)), key=lambda r: r.inliers)
-        return Recognised(found.segment, found.T_world_segment, found.asked + 1, best)
-    T_world_camera = result.best.view.T_world_camera
-    T_world_segment = T_world_camera @ se3.inverse(odometry.T_segment_camera[keyframe.row])
+    """What the answers for the first of some keyframes say together."""
+    pairs = zip(keyframes, answers, strict=False)
+    located = [(k.row, a.best.view.T_world_camera) for k, a in pairs if isinstance(a, Located)]
+    others = [answer for answer in answers if isinstance(answer, NotLocated)]
+    rows = [row for row, _ in located]
+    T_world_camera = np.array([T for _, T in located]).reshape(-1, 4, 4)
     return Recognised(
-        np.append(found.segment, odometry.segment[keyframe.row]),
-        np.concatenate([found.T_world_segment, T_world_segment[None]]),
-        found.asked + 1,
-        found.best,
+        Sightings(odometry.segment[rows], odometry.T_segment_camera[rows], T_world_camera),
+        len(answers),
+        max(others, key=lambda answer: answer.inliers, default=None),
     )
