@@ -88,7 +88,7 @@ def test_a_black_photo_is_refused_as_dark(locator: Locator, tmp_path: Path) -> N
 def test_a_blurred_photo_is_refused_as_blurred(
     locator: Locator, photos: list[Path], tmp_path: Path
 ) -> None:
-    image = cv2.GaussianBlur(cv2.imread(str(photos[0])), (0, 0), 8)
+    image = cv2.GaussianBlur(cv2.imread(str(photos[0])), (0, 0), 14)
     cv2.imwrite(str(tmp_path / "blurred.png"), image)
     answer = locator.locate(tmp_path / "blurred.png")
     assert answer.best is None

@@ -1,14 +1,16 @@
 """How much more likely a photo shows what it shows if it was taken at a pose than if it was not.
 
 The image is cut into cells. In each, the map predicts landmarks, of which the photo shows some. A
-cell either looks as predicted, and then a fair share of its landmarks is found, or it does not (the
-pose is wrong, or something stands there now, or it is too dark), and then next to none is. Nearly
-all cells of a right pose look as predicted; of a rival, a place of the map that repeats things
-(windows, shelves), perhaps half of them do; of the best pose in a map that does not hold the place,
-hardly any. How many is told by three distributions of the share of cells, and the share is
-integrated out: cells of one photo stand and fall together.
+cell either looks as predicted, and then a share of its landmarks is found, or it does not (the pose
+is wrong, or something stands there now, or it is too dark), and then next to none is. How large the
+share is depends on camera, exposure and map, not on the place: it is the photo's own, unknown, and
+integrated out. Nearly all cells of a right pose look as predicted; of a rival, a place of the map
+that repeats things (windows, shelves), perhaps half of them do; of the best pose in a map that does
+not hold the place, hardly any. How many is told by three distributions of the share of cells, which
+is integrated out, too: cells of one photo stand and fall together.
 
-The constants are fitted on synthetic scenes by benchmarks/calibrate_confidence.py.
+The constants are fitted on synthetic scenes; benchmarks/calibrate_confidence.py checks them, and
+fits them anew.
 """
 
 from collections.abc import Sequence
@@ -26,14 +28,19 @@ Beta = tuple[float, float]
 
 COLUMNS, ROWS = 8, 6
 LEAST = 3  # landmarks, and features, in a cell that says anything
-SHARES = (np.arange(20) + 0.5) / 20
+SHARES = (np.arange(20) + 0.5) / 20  # of cells
+RATES = np.geomspace(0.04, 0.7, 12)  # of landmarks found, where a photo looks as predicted
 
 
 @dataclass(frozen=True)
 class Odds:
-    """Beta parameters: of the share of landmarks found in a cell, and of the share of cells."""
+    """Beta parameters: of the share of landmarks found in a cell, and of the share of cells.
 
-    found_if_alike: Beta = (5.8, 6.8)
+    Where a cell looks as predicted, the sum of the parameters is ``alike``; their mean is the
+    photo's rate.
+    """
+
+    alike: float = 15.0
     found_if_not: Beta = (0.13, 18.0)
     cells_if_right: Beta = (7.9, 0.28)
     cells_of_rival: Beta = (0.87, 2.0)
@@ -45,15 +52,17 @@ class Odds:
 class Evidence:
     """Log likelihoods (nats) of what a photo shows at a pose, were it right, or a rival's.
 
-    ``elsewhere``: were the photo from outside of the map.
+    ``elsewhere``: were the photo from outside of the map. Each for every one of RATES (R,).
     """
 
-    right: float
-    rival: float
-    elsewhere: float
+    right: Array
+    rival: Array
+    elsewhere: Array
 
-
-NOTHING = Evidence(0.0, 0.0, 0.0)
+    @property
+    def strength(self) -> float:
+        """How much (nats) it speaks for the pose rather than for a rival."""
+        return float(_log_sum(self.right) - _log_sum(self.rival))
 
 
 def counted(prediction: Prediction, hits: Hits, photo: Photo) -> NDArray[np.intp]:
@@ -71,17 +80,18 @@ def counted(prediction: Prediction, hits: Hits, photo: Photo) -> NDArray[np.intp
 def evidence(cells: NDArray[np.intp], odds: Odds = Odds()) -> Evidence:
     """What the landmarks found and predicted (2, C) in each cell tell; none predicted: nothing."""
     k, n = cells[:, cells[1] >= LEAST]
-    if not len(n):
-        return NOTHING
-    alike = _log_beta_binomial(k, n, odds.found_if_alike)
     other = _log_beta_binomial(k, n, odds.found_if_not)
-    mixed = np.logaddexp(np.log(SHARES)[:, None] + alike, np.log(1 - SHARES)[:, None] + other)
-    of_share = mixed.sum(1)
+    alike = np.stack(
+        [_log_beta_binomial(k, n, (r * odds.alike, (1 - r) * odds.alike)) for r in RATES]
+    )
+    share = SHARES[:, None, None]
+    mixed = np.logaddexp(np.log(share) + alike, np.log(1 - share) + other)
+    of_share = mixed.sum(2)  # (shares, rates)
     kinds = odds.cells_if_right, odds.cells_of_rival, odds.cells_elsewhere
-    right, rival, elsewhere = (_log_sum(of_share + _log_weights(kind)) for kind in kinds)
+    right, rival, elsewhere = (_log_sum(of_share + _log_weights(b)[:, None]) for b in kinds)
     chance = odds.unmapped_rival
-    unmapped = np.array([elsewhere + np.log1p(-chance), rival + np.log(chance)])
-    return Evidence(right, rival, _log_sum(unmapped))
+    unmapped = np.logaddexp(elsewhere + np.log1p(-chance), rival + np.log(chance))
+    return Evidence(right, rival, unmapped)
 
 
 def posterior(places: Sequence[Evidence]) -> Array:
@@ -91,9 +101,11 @@ def posterior(places: Sequence[Evidence]) -> Array:
     """
     if not places:
         return np.zeros(0)
-    scores = [place.right - place.rival for place in places]
-    scores.append(places[0].elsewhere - places[0].rival)
-    return np.exp(np.array(scores) - _log_sum(np.array(scores)))[:-1]
+    rivals = np.sum([place.rival for place in places], axis=0)
+    right = [place.right - place.rival for place in places]
+    none = places[0].elsewhere - places[0].rival
+    scores = _log_sum((rivals + np.stack([*right, none])).T)
+    return np.asarray(np.exp(scores - _log_sum(scores))[:-1])
 
 
 def cells_of(px: NDArray[Any], size: tuple[int, int]) -> NDArray[np.intp]:
@@ -106,7 +118,7 @@ def cells_of(px: NDArray[Any], size: tuple[int, int]) -> NDArray[np.intp]:
 def _log_beta_binomial(k: NDArray[np.intp], n: NDArray[np.intp], beta: Beta) -> Array:
     """Log probability of k out of n, but for the binomial coefficient, which cancels."""
     a, b = beta
-    rising = [_log_rising(start, int(n.max())) for start in (a, b, a + b)]
+    rising = [_log_rising(start, int(n.max(initial=0))) for start in (a, b, a + b)]
     return np.asarray(rising[0][k] + rising[1][n - k] - rising[2][n])
 
 
@@ -120,7 +132,7 @@ def _log_weights(beta: Beta) -> Array:
     return np.asarray(weights - _log_sum(weights))
 
 
-def _log_sum(logs: Array) -> float:
-    """Log of the sum of the exponentials."""
-    most = logs.max()
-    return float(most + np.log(np.exp(logs - most).sum()))
+def _log_sum(logs: Array) -> Array:
+    """Log of the sum of the exponentials along the first axis."""
+    most = logs.max(0)
+    return np.asarray(most + np.log(np.exp(logs - most).sum(0)))

@@ -43,7 +43,7 @@ class Hypothesis:
     @property
     def strength(self) -> float:
         """How much (nats) it speaks for the pose rather than for a rival."""
-        return self.evidence.right - self.evidence.rival
+        return self.evidence.strength
 
     @property
     def inliers(self) -> int:

@@ -13,6 +13,7 @@ Array = NDArray[np.float64]
 MAX_ITERATIONS = 15
 HUBER_SIGMAS = 1.5
 CONVERGED = 1e-4  # relative gain of a step
+ASSUMED = 20.0  # residuals that the assumed variances count for
 
 
 @dataclass(frozen=True)
@@ -57,7 +58,8 @@ def refine(view: View, seen: Sightings, lens: Lens) -> Refined:
     """The most likely view near the given one, and its focal length unless exact (claim 4, 2.10).
 
     Levenberg-Marquardt on the reprojection errors under Huber's kernel. The covariance is the
-    inverse information, widened where the residuals are larger than their variances say.
+    inverse information, scaled to what the residuals show of their variances: the more residuals
+    there are, the less counts what was assumed.
     """
     damping = 1e-4
     H, g, cost = _normal(view, seen, lens)
@@ -72,7 +74,8 @@ def refine(view: View, seen: Sightings, lens: Lens) -> Refined:
         view, H, g, cost, damping = trial, H_trial, g_trial, trial_cost, damping / 10
         if converged:
             break
-    spread = max(1.0, cost / max(1, 2 * len(seen.px) - len(H)))
+    freedom = max(0, 2 * len(seen.px) - len(H))
+    spread = (ASSUMED + cost) / (ASSUMED + freedom)
     return Refined(view, np.asarray(np.linalg.pinv(H, hermitian=True) * spread, float))
 
 
