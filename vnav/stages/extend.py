@@ -84,8 +84,9 @@ def made_with(folder: MapFolder) -> Config:
     StaleArtifact or MapError where the map is not finished, or of another version.
     """
     folder.require_finished()
-    changes = {name: value for stage in STAGES for name, value in folder.settings(stage).items()}
-    changes.pop("capture", None)
+    recorded = (item for stage in STAGES for item in folder.settings(stage).items())
+    sections = {field.name for field in dataclasses.fields(Config)} - {"capture"}
+    changes = {name: value for name, value in recorded if name in sections}
     return updated(Config(), changes, f"the stages of {folder.root}")
 
 
