@@ -31,6 +31,11 @@ def broken_off(folder: MapFolder, error: BaseException) -> None:
         raise error
 
 
+def replaced(folder: MapFolder) -> None:
+    with replacing(folder) as draft:
+        write(draft, "new")
+
+
 def content(folder: MapFolder) -> str:
     return (MapFolder.open(folder.root).stage("odometry") / "result.txt").read_text()
 
@@ -117,6 +122,26 @@ def test_a_folder_beside_which_nothing_can_be_written_is_named(
         broken_off(folder, KeyboardInterrupt())
     monkeypatch.undo()
     assert content(folder) == "old"
+
+
+def test_a_map_that_cannot_be_moved_stays_and_the_finished_one_is_named(
+    folder: MapFolder, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    # A mount point, for instance.
+    move = Path.rename
+
+    def refuse(path: Path, target: Path) -> Path:
+        if path.name == "map":
+            raise OSError(16, "Device or resource busy")
+        return move(path, target)
+
+    monkeypatch.setattr(Path, "rename", refuse)
+    with pytest.raises(MapError, match=r"Device or resource busy; it is finished in .*draft"):
+        replaced(folder)
+    assert content(folder) == "old"
+    monkeypatch.undo()
+    replaced(folder)
+    assert content(folder) == "new"
 
 
 def test_a_map_that_is_not_there_is_not_brought_back_from_nothing(folder: MapFolder) -> None:

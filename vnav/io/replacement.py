@@ -4,7 +4,7 @@ import shutil
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-from vnav.errors import VnavError
+from vnav.errors import MapError, VnavError
 from vnav.io.map_folder import MapFolder, aside
 
 
@@ -14,7 +14,7 @@ def replacing(folder: MapFolder) -> Iterator[MapFolder]:
 
     It lies beside the old map, as ``.NAME.draft``. A VnavError deletes it; what an interruption
     leaves of it is there again the next time. Files of the old folder that are not vnav's are
-    copied. MapError where nothing can be written beside the map.
+    copied. MapError where nothing can be written beside the map, or it cannot be moved.
     """
     root, old = folder.root.resolve(), aside(folder.root)
     draft = root.with_name(f".{root.name}.draft")
@@ -29,7 +29,13 @@ def replacing(folder: MapFolder) -> Iterator[MapFolder]:
         copy = shutil.copytree if path.is_dir() else shutil.copy2
         copy(path, draft / path.name)
     shutil.rmtree(old, ignore_errors=True)
-    root.rename(old)
-    draft.rename(root)  # between the two, `MapFolder.open` brings the old map back
+    try:
+        root.rename(old)
+        draft.rename(root)  # between the two, `MapFolder.open` brings the old map back
+    except OSError as error:
+        raise MapError(
+            f"expected to put the new map in the place of {root}, found: {error.strerror}; it is"
+            f" finished in {draft}"
+        ) from error
     old.rename(draft)
-    shutil.rmtree(draft)
+    shutil.rmtree(draft, ignore_errors=True)
