@@ -14,6 +14,7 @@ SIGMAS = np.array([0.002, 0.002, 0.002, 0.005, 0.005, 0.005])  # rad, m: of a go
 INFORMATION = np.diag(SIGMAS**-2)
 MAX_SIGMAS = 4.0
 LAP = 40  # frames in a circle
+ONE = np.zeros(3 * LAP, np.int32)  # capture of every frame
 
 
 def walk(count: int) -> np.ndarray:
@@ -206,7 +207,7 @@ def test_segments_are_joined_where_closures_agree() -> None:
     poses, segment, edges = segments(T, rng)
     crossing = [e for e in wrong(T, 60, rng) if e.i < LAP <= e.j][:10]
     closures = [*crossing, *laps(T, rng)]
-    joined, part = posegraph.join(poses, segment, closures)
+    joined, part = posegraph.join(poses, segment, ONE, closures)
     assert not part.any()
     # The second segment hangs on one closure, which drift in either lap may put off: 2 mrad a
     # step over 40 steps and 4 m, and 5 mm a step: 0.05 + 0.03 m; three times that.
@@ -219,7 +220,7 @@ def test_segments_that_no_closure_joins_stay_apart() -> None:
     T, rng = walk(2 * LAP), np.random.default_rng(11)
     poses, segment, edges = segments(T, rng)
     inside = [edge(T, 0, 20, rng)]
-    joined, part = posegraph.join(poses, segment, inside)
+    joined, part = posegraph.join(poses, segment, ONE, inside)
     np.testing.assert_array_equal(part, segment)
     np.testing.assert_array_equal(joined, poses)
     graph = posegraph.optimise(joined, edges, inside, MAX_SIGMAS)
@@ -230,16 +231,42 @@ def test_three_segments_become_one_part_by_way_of_the_middle_one() -> None:
     T, rng = walk(3 * LAP), np.random.default_rng(12)
     edges = [e for e in steps(T, rng) if e.j % LAP]
     poses, segment = posegraph.chain(len(T), edges, [0, LAP, 2 * LAP])
-    joined, part = posegraph.join(poses, segment, laps(T, rng))
+    joined, part = posegraph.join(poses, segment, ONE, laps(T, rng))
     assert not part.any()
     assert errors(joined, T).max() < 0.5  # twice the limit of two segments
+
+
+@pytest.mark.parametrize(("closures", "joined"), [(2, False), (3, True)])
+def test_captures_are_joined_where_three_closures_agree(closures: int, joined: bool) -> None:
+    T, rng = walk(2 * LAP), np.random.default_rng(14)
+    poses, segment, _ = segments(T, rng)
+    crossing = [e for e in wrong(T, 60, rng) if e.i < LAP <= e.j][:5]  # each in its own way
+    found = [*crossing, *laps(T, rng)[:closures]]
+    _, part = posegraph.join(poses, segment, segment, found)
+    assert (not part.any()) == joined
+    _, part = posegraph.join(poses, segment, ONE, found[:1])
+    assert not part.any()  # within a capture one will do
+
+
+def test_a_capture_that_is_joined_does_not_vouch_for_its_other_segments() -> None:
+    # Three segments, the last two of one capture; one closure leads from the first to the last.
+    T, rng = walk(3 * LAP), np.random.default_rng(15)
+    edges = [e for e in steps(T, rng) if e.j % LAP]
+    poses, segment = posegraph.chain(len(T), edges, [0, LAP, 2 * LAP])
+    capture = np.minimum(segment, 1)
+    between = [e for e in laps(T, rng) if e.j < 2 * LAP]
+    _, part = posegraph.join(poses, segment, capture, [*between, edge(T, 3, 2 * LAP + 3, rng)])
+    assert np.unique(part).tolist() == [0, 2]
+    inside = edge(T, LAP + 3, 2 * LAP + 3, rng)
+    _, part = posegraph.join(poses, segment, capture, [*between, inside])
+    assert not part.any()
 
 
 def test_lost_frames_belong_to_no_part() -> None:
     T, rng = walk(2 * LAP), np.random.default_rng(13)
     poses, segment, _ = segments(T, rng)
     poses[5], segment[5] = np.nan, LOST
-    joined, part = posegraph.join(poses, segment, laps(T, rng)[2:])
+    joined, part = posegraph.join(poses, segment, ONE, laps(T, rng)[2:])
     assert part[5] == LOST
     assert np.isnan(joined[5]).all()
 

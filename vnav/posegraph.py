@@ -16,6 +16,7 @@ from vnav.errors import VnavError
 
 Array = NDArray[np.float64]
 NEAR_M, NEAR_RAD = 0.3, 0.2  # two closures that place a segment alike
+AGREEING = 3  # closures between captures: one that is wrong has nothing there to contradict it
 INLIER_PROBABILITY = 0.9999  # of a right closure to pass the chi-squared test
 
 
@@ -103,43 +104,55 @@ def carry(poses: Array, edges: Sequence[Edge], held: NDArray[np.intp]) -> Array:
 
 
 def join(
-    T_segment_camera: Array, segment: NDArray[np.int32], closures: Sequence[Edge]
+    T_segment_camera: Array,
+    segment: NDArray[np.int32],
+    capture: NDArray[np.int32],
+    closures: Sequence[Edge],
 ) -> tuple[Array, NDArray[np.int32]]:
     """Poses (N, 4, 4) with segments laid beside each other by closures, and the parts (N,) left.
 
-    Two segments are joined by the closure that most others between them agree with. Frames of one
-    part share a frame of reference: that of the part's first segment.
+    Two segments are joined by the closure that most others between them agree with. One alone will
+    do within a capture; between frames of different captures `AGREEING` must say the same. Frames
+    of one part share a frame of reference: that of the part's first segment.
     """
     poses, part = T_segment_camera.copy(), segment.copy()
     while True:
-        between = _between_parts(poses, part, closures)
-        if not between:
+        for (a, b), found in _between_parts(poses, part, capture, closures):
+            T_a_b, votes = _consensus(found)
+            if votes >= AGREEING:
+                rows = part == b
+                poses[rows] = T_a_b @ poses[rows]
+                part[rows] = a
+                break
+        else:
             return poses, part
-        (a, b), transforms = max(between.items(), key=lambda item: (len(item[1]), item[0]))
-        rows = part == b
-        poses[rows] = _consensus(np.stack(transforms)) @ poses[rows]
-        part[rows] = a
 
 
 def _between_parts(
-    poses: Array, part: NDArray[np.int32], closures: Sequence[Edge]
-) -> dict[tuple[int, int], list[Array]]:
-    """For each two parts a < b, the transformations ``T_a_b`` that closures give."""
-    found: dict[tuple[int, int], list[Array]] = {}
+    poses: Array, part: NDArray[np.int32], capture: NDArray[np.int32], closures: Sequence[Edge]
+) -> list[tuple[tuple[int, int], list[tuple[Array, Array, int]]]]:
+    """Parts a < b with closures between them, those with most first.
+
+    Of each closure: ``T_a_b``, where in b it was measured, ``T_b_camera``, and its votes.
+    """
+    found: dict[tuple[int, int], list[tuple[Array, Array, int]]] = {}
     for e in closures:
         a, b = int(part[e.i]), int(part[e.j])
         if a != b:
             T_a_b = poses[e.i] @ e.T_i_j @ se3.inverse(poses[e.j])
-            pair, T = ((a, b), T_a_b) if a < b else ((b, a), se3.inverse(T_a_b))
-            found.setdefault(pair, []).append(T)
-    return found
+            pair, row, T = ((a, b), e.j, T_a_b) if a < b else ((b, a), e.i, se3.inverse(T_a_b))
+            votes = AGREEING if capture[e.i] == capture[e.j] else 1
+            found.setdefault(pair, []).append((T, poses[row], votes))
+    return sorted(found.items(), key=lambda item: (len(item[1]), item[0]), reverse=True)
 
 
-def _consensus(transforms: Array) -> Array:
-    """The one of (N, 4, 4) that most others are near to."""
-    apart = se3.inverse(transforms)[:, None] @ transforms
-    best: Array = transforms[is_near(apart).sum(1).argmax()]
-    return best
+def _consensus(found: Sequence[tuple[Array, Array, int]]) -> tuple[Array, int]:
+    """The ``T_a_b`` with most votes of those near to it where it was measured, and its votes."""
+    T_a_b, T_b_camera, votes = (np.stack(column) for column in zip(*found, strict=True))
+    apart = se3.inverse(T_a_b @ T_b_camera)[:, None] @ (T_a_b @ T_b_camera[:, None])
+    count = is_near(apart) @ votes
+    best: Array = T_a_b[count.argmax()]
+    return best, int(count.max())
 
 
 def is_near(apart: Array) -> NDArray[np.bool_]:

@@ -191,7 +191,7 @@ def test_segments_are_joined_however_soon_one_follows_the_other(
     half = first_frames(odometry, 24, cut=12)
     assert set(half.segment.tolist()) == {0, 1}
     found = loops.close(half, tree, [camera], CONFIG)
-    _, part = posegraph.join(half.T_segment_camera, half.segment, found.edges)
+    _, part = posegraph.join(half.T_segment_camera, half.segment, half.frames.capture, found.edges)
     assert set(part.tolist()) == {0}
 
 

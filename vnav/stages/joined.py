@@ -11,7 +11,8 @@ from vnav.core.report import Report
 from vnav.errors import CaptureError
 from vnav.io.artifacts import load_loop_edges, load_loops, load_optimised
 from vnav.io.map_folder import MapFolder
-from vnav.stages.recognise import AGREEING, Recognised, Sightings
+from vnav.posegraph import AGREEING
+from vnav.stages.recognise import Recognised, Sightings
 
 
 def require_seen(seen: Recognised, name: str, folder: MapFolder) -> None:

@@ -92,7 +92,9 @@ def _posed(
     """Poses (N, 4, 4) and parts (N,) as the closures so far give them, or as they were given."""
     if odometry.given:
         return odometry.T_segment_camera, odometry.segment
-    initial, part = posegraph.join(odometry.T_segment_camera, odometry.segment, closures)
+    initial, part = posegraph.join(
+        odometry.T_segment_camera, odometry.segment, odometry.frames.capture, closures
+    )
     graph = posegraph.optimise(
         initial, odometry.edges, closures, config.optimise.max_closure_sigmas
     )

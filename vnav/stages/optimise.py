@@ -3,7 +3,7 @@
 import dataclasses
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import pairwise
+from itertools import compress, pairwise
 from pathlib import Path
 
 import numpy as np
@@ -96,12 +96,15 @@ def solve(
     """
     if odometry.given:
         return _on_given(odometry, closures, matches, cameras, config)
-    initial, part = posegraph.join(odometry.T_segment_camera, odometry.segment, closures)
+    segments = odometry.T_segment_camera, odometry.segment, odometry.frames.capture
+    initial, _ = posegraph.join(*segments, closures)
     graph = posegraph.optimise(
         initial, odometry.edges, closures, config.optimise.max_closure_sigmas
     )
-    kept = tuple(e for e, keep in zip(closures, graph.kept, strict=True) if keep)
-    _, part = posegraph.join(odometry.T_segment_camera, odometry.segment, kept)
+    _, part = posegraph.join(*segments, list(compress(closures, graph.kept)))
+    inside = np.array([part[e.i] == part[e.j] for e in closures], bool)
+    graph = dataclasses.replace(graph, kept=graph.kept & inside)
+    kept = tuple(compress(closures, graph.kept))
     main, others = _parts(part, odometry.T_world_before)
     poses = np.where(main[:, None, None], graph.T_world_camera, np.nan)
     edges = [e for e in (*odometry.edges, *kept) if main[e.i] and main[e.j]]
@@ -127,7 +130,7 @@ def _on_given(
     graph = posegraph.held(
         poses, [softened(e, rad, m) for e in closures], config.optimise.max_closure_sigmas
     )
-    kept = tuple(e for e, keep in zip(closures, graph.kept, strict=True) if keep)
+    kept = tuple(compress(closures, graph.kept))
     rows = np.array([k.row for k in odometry.keyframes])
     prior = Prior(poses[rows], sigmas, fixed)
     adjusted = _adjust(poses, odometry, kept, matches, cameras, config, prior)

@@ -21,12 +21,11 @@ from vnav.localisation.atlas import Atlas
 from vnav.localisation.localise import Located, NotLocated, localise
 from vnav.localisation.photo import prepare
 from vnav.localisation.query import Query
-from vnav.posegraph import is_near
+from vnav.posegraph import AGREEING, is_near
 
 Array = NDArray[np.float64]
 MOST = 48  # keyframes that are asked, those that look most like the map's first
 AT_ONCE = 8  # of them; asking ends where enough agree
-AGREEING = 3  # of one segment: each is right with a chance of 95 % and more, wrong ones differ
 
 
 @dataclass(frozen=True)
