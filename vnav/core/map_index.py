@@ -1,6 +1,7 @@
 """The index of a map: what finding a photo needs, laid out so that words are ranges of rows."""
 
 from dataclasses import dataclass, fields
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -116,6 +117,28 @@ class MapIndex:
         position, row = rows_of(self.seen_start, landmarks)
         return position, self.seen_by[row]
 
+    def near_keyframes_of(
+        self, landmarks: NDArray[np.int32]
+    ) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+        """Every keyframe that sees a landmark (N,) or is beside one that does, once.
+
+        Position in the argument, ascending, and keyframe.
+        """
+        position, keyframe = self.keyframes_of(landmarks)
+        which, row = rows_of(self._beside_start, keyframe)
+        near = np.zeros((len(landmarks), self.keyframes), bool)
+        near[position[which], self._beside_of[row]] = True
+        position, keyframe = np.divmod(np.flatnonzero(near), max(self.keyframes, 1))
+        return position, keyframe
+
+    @cached_property
+    def _beside_start(self) -> NDArray[np.intp]:
+        return np.append(0, np.cumsum(self.beside.sum(1)))
+
+    @cached_property
+    def _beside_of(self) -> NDArray[np.intp]:
+        return np.nonzero(self.beside)[1]
+
     @property
     def voxels(self) -> Voxels:
         """Where something stands."""
@@ -129,14 +152,14 @@ class MapIndex:
 
 
 def rows_of(
-    start: NDArray[np.int32], groups: NDArray[np.intp] | NDArray[np.int32]
+    start: NDArray[np.int32] | NDArray[np.intp], groups: NDArray[np.intp] | NDArray[np.int32]
 ) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
     """Rows of the given groups: position of the group in the argument, and row, one a row."""
     return ranges(start[groups], start[1:][groups])
 
 
 def ranges(
-    begin: NDArray[np.int32], end: NDArray[np.int32]
+    begin: NDArray[np.int32] | NDArray[np.intp], end: NDArray[np.int32] | NDArray[np.intp]
 ) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
     """All numbers of the ranges [begin, end), and which range (R,) each comes from."""
     count = (end - begin).astype(np.intp)

@@ -57,12 +57,15 @@ def pursue(
     """The known hypotheses and those of the places that the matches tell of, the strongest first.
 
     Every place has its own poses (claim 4, 2.10), so that a rival is not lost in the crowd; one
-    that can only muster a small part of the most matches is left.
+    whose matches agree with poses that are known already tells of no other, and one that can only
+    muster a small part of the most matches is left.
     """
     views = [h.view for h in known]
     most = max((h.inliers for h in known), default=0)
     agreed: list[Consensus] = []
     for place in places(found, query.atlas.index, query.config.places, _least(most)):
+        if len(query.unexplained(place.matches, views)) < LEAST:
+            continue
         matches = completed(place.matches, query)
         for _ in range(ATTEMPTS):
             matches = query.unexplained(matches, views)

@@ -8,7 +8,7 @@ from vnav.core import se3
 from vnav.core.frame import Rejected
 from vnav.localisation.evidence import posterior
 from vnav.localisation.hypotheses import Hypothesis, pursue
-from vnav.localisation.places import fullest
+from vnav.localisation.places import fullness
 from vnav.localisation.query import Query
 from vnav.localisation.refine import Lens, refine
 from vnav.localisation.search import alike, seeds
@@ -63,7 +63,8 @@ def localise(query: Query, rng: np.random.Generator) -> Located | NotLocated:
     else:
         again = found = alike(np.arange(len(features)), query)
     hypotheses = pursue(again, hypotheses, query, rng)
-    if not hypotheses and fullest(found, query.atlas.index) < config.min_inliers:
+    fullest = fullness(found, query.atlas.index).max(initial=0)
+    if not hypotheses and fullest < config.min_inliers:
         return NotLocated("too few matches", len(found))
     return _verdict(hypotheses, len(found), query)
 

@@ -22,26 +22,21 @@ def places(matches: Matches, index: MapIndex, count: int, least: int) -> list[Pl
 
     Each place is the one with the most matches that no fuller place holds.
     """
-    seen = _seen_from(matches, index)
+    match, keyframe = index.near_keyframes_of(matches.landmark)
     free = np.ones(len(matches), bool)
     found: list[Place] = []
     while len(found) < count and len(matches):
-        votes = (seen & free[:, None]).sum(0)
-        keyframe = int(votes.argmax())
-        if votes[keyframe] < least:
+        votes = np.bincount(keyframe[free[match]], minlength=index.keyframes)
+        most = int(votes.argmax())
+        if votes[most] < least:
             break
-        found.append(Place(keyframe, matches[seen[:, keyframe]].one_to_one()))
-        free &= ~seen[:, keyframe]
+        here = match[keyframe == most]
+        found.append(Place(most, matches[here].one_to_one()))
+        free[here] = False
     return found
 
 
-def fullest(matches: Matches, index: MapIndex) -> int:
-    """How many matches the fullest place holds."""
-    return int(_seen_from(matches, index).sum(0).max(initial=0))
-
-
-def _seen_from(matches: Matches, index: MapIndex) -> NDArray[np.bool_]:
-    """Which matches (M, K) each keyframe, or one beside it, sees the landmark of."""
-    seen = np.zeros((len(matches), index.keyframes), np.float32)
-    seen[index.keyframes_of(matches.landmark)] = 1
-    return np.asarray(seen @ index.beside.astype(np.float32) > 0)
+def fullness(matches: Matches, index: MapIndex) -> NDArray[np.intp]:
+    """How many matches the place of each keyframe (K,) holds."""
+    _, keyframe = index.near_keyframes_of(matches.landmark)
+    return np.bincount(keyframe, minlength=index.keyframes)

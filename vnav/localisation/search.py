@@ -7,9 +7,9 @@ image-based localization", 2017; claim 4, 2.2 to 2.9.
 import numpy as np
 from numpy.typing import NDArray
 
+from vnav.localisation import places
 from vnav.localisation.atlas import Atlas
 from vnav.localisation.matches import Matches, no_matches
-from vnav.localisation.places import fullest
 from vnav.localisation.query import Query
 from vnav.localisation.words import nearest_apart
 
@@ -45,7 +45,7 @@ def _from_photo(features: Rows, alike: int, query: Query) -> Matches:
     candidates = span[:, 1] - span[:, 0]
     queue = features[np.argsort(candidates[features], kind="stable")]
     queue = queue[candidates[queue] > 0]
-    found = no_matches()
+    found, fullness = no_matches(), np.zeros(atlas.index.keyframes, np.intp)
     for first in range(0, len(queue), BATCH):
         chosen = queue[first : first + BATCH]
         rows, distances = nearest_apart(
@@ -54,8 +54,9 @@ def _from_photo(features: Rows, alike: int, query: Query) -> Matches:
         cost = distances / _rivals(rows, distances, atlas, everywhere=alike == 1)
         which, rank = np.nonzero(cost < config.ratio_2d_3d)
         row = rows[which, rank]
-        found = found.joined(Matches(chosen[which], row, atlas.index.owner[row], cost[which, rank]))
-        if fullest(found, atlas.index) >= config.enough_matches:
+        more = Matches(chosen[which], row, atlas.index.owner[row], cost[which, rank])
+        found, fullness = found.joined(more), fullness + places.fullness(more, atlas.index)
+        if fullness.max(initial=0) >= config.enough_matches:
             break
     return found
 

@@ -88,7 +88,7 @@ SCENES: dict[str, Callable[[int], Scene]] = {
     "twin_rooms": twin_rooms,
     "shop": shop,
     "building_2": building(2),
-    "building_20": building(20),
+    "building_12": building(12),
 }
 
 
