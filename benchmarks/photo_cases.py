@@ -9,7 +9,6 @@ from pathlib import Path
 import numpy as np
 from calibrate_confidence import photos_of, true_poses
 from numpy.typing import NDArray
-from posed_map import synthetic_map
 from speed import SHARED
 
 from vnav.io.map_folder import MapFolder
@@ -37,8 +36,7 @@ def cases(out: Path) -> list[Case]:
     """What is there to ask photos of."""
     if (SHARED / "house").is_dir() and (SHARED / "redkitchen01").is_dir():
         return [house(out), kitchen_halves(out)]
-    folder = synthetic_map(out / "apartment", "apartment", 1, 200, 40)
-    return [_posed("apartment", folder, out / "apartment" / "capture")]
+    return [rendered(out, CaptureSpec("apartment", 200, 40, KINECT, PHONE))]
 
 
 def house(out: Path) -> Case:
@@ -70,19 +68,20 @@ def kitchen_halves(out: Path) -> Case:
 
 
 def building(out: Path, rooms: int) -> Case:
-    """A building of so many rooms at its true poses, and photos taken in it."""
-    root = out / f"building_{rooms}"
-    capture = root / "capture"
+    """A building of so many rooms, and photos taken in it."""
+    small = KINECT.scaled(320, 240)
+    frames = FRAMES_A_ROOM * rooms
+    return rendered(out, CaptureSpec(f"building_{rooms}", frames, PHOTOS, small, PHONE))
+
+
+def rendered(out: Path, spec: CaptureSpec) -> Case:
+    """A rendered scene at its true poses, and its photos."""
+    capture = out / spec.scene / "capture"
     if not capture.is_dir():
-        small = KINECT.scaled(320, 240)
-        spec = CaptureSpec(f"building_{rooms}", FRAMES_A_ROOM * rooms, PHOTOS, small, PHONE)
         write_capture(capture, spec)
-    folder = built(root / "map", capture, capture / "groundtruth.txt")
-    return _posed(f"building of {rooms} rooms", folder, capture)
-
-
-def _posed(name: str, folder: MapFolder, capture: Path) -> Case:
-    return Case(name, folder, photos_of(capture), None, true_poses(folder, capture))
+    folder = built(out / spec.scene / "map", capture, capture / "groundtruth.txt")
+    truth = true_poses(folder, capture)
+    return Case(spec.scene, folder, photos_of(capture), None, truth)
 
 
 def built(folder: Path, capture: Path, poses: Path | None = None) -> MapFolder:

@@ -128,8 +128,8 @@ class MapIndex:
         which, row = rows_of(self._beside_start, keyframe)
         near = np.zeros((len(landmarks), self.keyframes), bool)
         near[position[which], self._beside_of[row]] = True
-        position, keyframe = np.divmod(np.flatnonzero(near), max(self.keyframes, 1))
-        return position, keyframe
+        position, near_keyframe = np.nonzero(near)
+        return position, near_keyframe
 
     @cached_property
     def _beside_start(self) -> NDArray[np.intp]:

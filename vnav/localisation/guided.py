@@ -120,8 +120,8 @@ def hits(prediction: Prediction, photo: Photo, atlas: Atlas, radius_px: float) -
     turn = np.abs(angle.take(p) - photo.features.angles_rad.take(f)) % (2 * np.pi)
     alike = (turn < PATCH_TURN_RAD) | (turn > 2 * np.pi - PATCH_TURN_RAD)
     p, f = p[alike], f[alike]
-    difference = atlas.index.descriptors[prediction.rows[p]].astype(np.float32)
-    difference -= photo.features.descriptors[f]
+    difference = atlas.index.descriptors.take(prediction.rows[p], 0).astype(np.float32)
+    difference -= photo.database.descriptors.take(f, 0)
     distance = np.sqrt(np.einsum("ij,ij->i", difference, difference))
     offset = np.linalg.norm(photo.features.keypoints_px[f] - prediction.px[p], axis=1)
     return Hits(p, f, distance, offset)[distance < atlas.index.stranger]
@@ -142,7 +142,9 @@ def _inside(view: View, points: NDArray[np.float32]) -> NDArray[np.bool_]:
 def _alike(view: View, points: NDArray[np.float32], centres: Array) -> NDArray[np.bool_]:
     """Which points (N, 3) a camera at its centre (N, 3) sees from a like direction and distance."""
     ours, theirs = view.centre_world - points, centres - points
-    our_distance, their_distance = np.linalg.norm(ours, axis=1), np.linalg.norm(theirs, axis=1)
-    cosine = np.einsum("ij,ij->i", ours, theirs) / (our_distance * their_distance)
-    octaves = np.abs(np.log2(our_distance / their_distance))
-    return np.asarray((cosine > MAX_TURN) & (octaves < MAX_OCTAVES))
+    product, our_squared, their_squared = (
+        np.einsum("ij,ij->i", a, b) for a, b in ((ours, theirs), (ours, ours), (theirs, theirs))
+    )
+    like_direction = product > MAX_TURN * np.sqrt(our_squared * their_squared)
+    ratio, most = our_squared / their_squared, 4**MAX_OCTAVES
+    return np.asarray(like_direction & (ratio < most) & (ratio > 1 / most))
