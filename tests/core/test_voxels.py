@@ -42,5 +42,5 @@ def test_it_is_told_how_far_away_something_stands_along_the_axis_on_which_it_is_
 def test_what_is_far_away_is_at_least_as_far_as_told() -> None:
     voxels = Voxels.filled([[0.05, 0.05, 0.05], [9.95, 0.05, 0.05]], [0.1, 0.1], 0.1)
     assert voxels.away.max() == FARTHEST
-    x, y, z = np.array([[-7, 50, 4, 104], [0, 0, -3, 0], [0, 0, 9, 2]])
-    assert voxels.away_from(x, y, z).tolist() == [7, FARTHEST, 9, 5]
+    cells = np.array([[-7, 0, 0], [50, 0, 0], [4, -3, 9], [104, 0, 2]]).T
+    assert voxels.away_from(cells).tolist() == [7, FARTHEST, 9, 5]

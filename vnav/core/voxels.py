@@ -54,19 +54,20 @@ class Voxels:
     def stands_at(self, points: NDArray[np.floating[Any]]) -> NDArray[np.bool_]:
         """Whether something stands at points (..., 3); outside of the voxels nothing does."""
         cells = np.floor((points - self.origin) / self.edge_m).astype(np.intp)
-        return np.asarray(self.away_from(*np.moveaxis(cells, -1, 0)) == 0)
+        return np.asarray(self.away_from(np.moveaxis(cells, -1, 0)) == 0)
 
-    def away_from(
-        self, x: NDArray[np.intp], y: NDArray[np.intp], z: NDArray[np.intp]
-    ) -> NDArray[np.intp]:
-        """How many voxels away something stands at least; outside, as far as the voxels begin."""
+    def away_from(self, cells: NDArray[np.intp]) -> NDArray[np.intp]:
+        """How many voxels away something stands at least from cells (3, ...) of the voxels.
+
+        From outside, it is as far as the voxels begin.
+        """
         if not self.away.size:
-            return np.full(x.shape, FARTHEST)
-        (X, Y, Z), flat = self.away.shape, self.away.reshape(-1)
-        inner = x.clip(0, X - 1), y.clip(0, Y - 1), z.clip(0, Z - 1)
-        found = flat.take((inner[0] * Y + inner[1]) * Z + inner[2])
-        outside = np.maximum(abs(x - inner[0]), np.maximum(abs(y - inner[1]), abs(z - inner[2])))
-        return np.asarray(np.where(outside, outside, found))
+            return np.full(cells.shape[1:], FARTHEST)
+        size = np.array(self.away.shape).reshape(-1, *[1] * (cells.ndim - 1))
+        x, y, z = inner = np.minimum(np.maximum(cells, 0), size - 1)
+        found = self.away.reshape(-1).take((x * self.away.shape[1] + y) * self.away.shape[2] + z)
+        outside = np.abs(cells - inner).max(0)
+        return np.asarray(np.where(outside > 0, outside, found))
 
 
 def _away(solid: NDArray[np.bool_]) -> NDArray[np.uint8]:

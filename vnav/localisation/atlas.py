@@ -52,5 +52,6 @@ class Atlas:
 
     def rows_of(self, landmarks: NDArray[np.int32] | Rows) -> Rows:
         """Rows of the landmarks' descriptors, ascending; no landmark twice."""
-        rows = self.index.described[rows_of(self.index.described_start, landmarks)[1]]
-        return np.sort(rows).astype(np.intp)
+        wanted = np.zeros(len(self.index.owner), bool)
+        wanted[self.index.described[rows_of(self.index.described_start, landmarks)[1]]] = True
+        return np.flatnonzero(wanted)

@@ -25,7 +25,7 @@ def hidden(view: View, points_world: NDArray[np.float32], voxels: Voxels) -> NDA
     rays = np.flatnonzero(last > 0)
     start, direction, last, at = start[:, rays], direction[:, rays], last[rays], np.zeros(len(rays))
     while len(rays):
-        away = voxels.away_from(*np.floor(start + direction * at).astype(np.intp))
+        away = voxels.away_from(np.floor(start + direction * at).astype(np.intp))
         blocked[rays[away == 0]] = True
         at += away
         on_way = np.flatnonzero((away > 0) & (at < last))
