@@ -1,4 +1,5 @@
 import numpy as np
+import pytest
 
 from vnav.localisation.words import Database, half_norms, nearest_apart
 
@@ -22,12 +23,13 @@ def by_hand(query, first, last, db, count):
     return rows, distances
 
 
-def test_it_agrees_with_the_definition():
+@pytest.mark.parametrize("lengths", [40, [30, 60]], ids=["all of their own", "shared"])
+def test_it_agrees_with_the_definition(lengths):
     rng = np.random.default_rng(0)
     db = database(rng)
     queries = rng.integers(0, 256, (40, 128)).astype(np.uint8)
     first = rng.choice([0, 50, 120], 40)
-    span = np.stack([first, first + rng.integers(20, 60, 40)], 1).astype(np.int32)
+    span = np.stack([first, first + rng.choice(lengths, 40) + 20], 1).astype(np.int32)
     rows, distances = nearest_apart(queries, span, db, 2)
     for k in range(40):
         expected_rows, expected = by_hand(queries[k].astype(float), *span[k], db, 2)

@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 Floats = NDArray[np.float32]
 Rows = NDArray[np.intp]
 
-PAIRS = 8000  # of query and candidate whose descriptors stay in the cache
+PAIRS = 16000  # of query and candidate whose descriptors stay in the cache
+SHARED = 3  # queries of one range, on average, that are compared in one product
 LONGER = 1.5  # a range than the shortest of its part, at most, and by one
 
 
@@ -44,14 +45,15 @@ def nearest_apart(
     """
     rows = np.zeros((len(queries), count), np.intp)
     squared = np.zeros((len(queries), count), np.float32)
-    for part in _parts(span[:, 1] - span[:, 0]):
+    for part in _parts(span):
         rows[part], squared[part] = _nearest_apart(queries[part], span[part], database, count)
     return rows, np.sqrt(squared)
 
 
-def _parts(length: NDArray[np.int32]) -> Iterator[Rows]:
+def _parts(span: NDArray[np.int32]) -> Iterator[Rows]:
     """The ranges in parts of about the same length, small enough for the processor's cache."""
-    order = np.argsort(length, kind="stable")
+    length = span[:, 1] - span[:, 0]
+    order = np.lexsort((span[:, 0], length))
     ascending, first = length[order], 0
     while first < len(order):
         longest = int(LONGER * ascending[first]) + 1
@@ -68,7 +70,7 @@ def _nearest_apart(
     length = span[:, 1] - span[:, 0]
     slot = np.arange(length.max())
     row = span[:, :1] + np.minimum(slot, length[:, None] - 1)  # short ranges repeat their last
-    half = _half_distances(queries, row, database)
+    half = _half_distances(queries, span, row, database)
     half[slot >= length[:, None]] = np.inf
     nearest = np.zeros((count, len(row)), np.intp)
     least = np.zeros((count, len(row)), np.float32)
@@ -91,11 +93,23 @@ def _beside(nearest: Rows, k: int, database: Database) -> NDArray[np.bool_]:
     return found
 
 
-def _half_distances(queries: NDArray[np.uint8], row: Rows, database: Database) -> Floats:
+def _half_distances(
+    queries: NDArray[np.uint8], span: NDArray[np.int32], row: Rows, database: Database
+) -> Floats:
     """Half the squared distances (Q, n) to rows (Q, n), but for half the query's squared length.
 
-    Exact in float32: sums of products of bytes stay below 2^24.
+    Exact in float32: sums of products of bytes stay below 2^24. Where queries, sorted by their
+    range, share it, they share a product.
     """
-    candidates = database.descriptors.take(row, 0).astype(np.float32, copy=False)
-    product = np.matmul(candidates, queries.astype(np.float32)[:, :, None])[:, :, 0]
+    values, described = queries.astype(np.float32), database.descriptors
+    first = np.flatnonzero(np.append(True, span[1:, 0] != span[:-1, 0]))
+    if SHARED * len(first) > len(span):
+        candidates = described.take(row, 0).astype(np.float32, copy=False)
+        product = np.matmul(candidates, values[:, :, None])[:, :, 0]
+    else:
+        product = np.zeros(row.shape, np.float32)
+        last = np.append(first[1:], len(span))
+        for low, high, (begin, end) in zip(first, last, span[first].tolist(), strict=True):
+            candidates = described[begin:end].astype(np.float32, copy=False)
+            product[low:high, : end - begin] = values[low:high] @ candidates.T
     return np.asarray(database.half_norm.take(row) - product)
