@@ -85,7 +85,7 @@ def synthetic_map(root: Path, spec: CaptureSpec, off_m: float) -> MapFolder:
     noise *= off_m * np.repeat([RAD_PER_M, 1], 3) / noise.std(0)
     given = Trajectory(truth.stamps_s, truth.T_world_camera @ se3.exp(noise))
     folder = MapFolder.create(root / "map")
-    build_map(folder, [open_capture(capture, config.capture)], config, given=given)
+    build_map(folder, open_capture(capture, config.capture), config, given=given)
     return folder
 
 

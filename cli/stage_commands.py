@@ -30,14 +30,14 @@ def odometry(
     from vnav.io.map_folder import MapFolder
     from vnav.io.trajectories import read_tum
     from vnav.stages import odometry as stage
-    from vnav.stages.build_map import expect_captures
+    from vnav.stages.build_map import expect_capture
 
     resolved = config.load(config_source, settings)
-    captures = [open_capture(capture_dir, resolved.capture, camera_file)]
+    capture = open_capture(capture_dir, resolved.capture, camera_file)
     given = read_tum(trajectory_file) if trajectory_file else None
     folder = MapFolder.create(map_dir)
-    expect_captures(folder, captures)
-    show([stage.run(folder, captures, resolved, given=given, progress=console_progress())])
+    expect_capture(folder, capture)
+    show([stage.run(folder, capture, resolved, given=given, progress=console_progress())])
 
 
 def _stage_command(name: str, summary: str) -> click.Command:

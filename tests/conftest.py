@@ -32,7 +32,7 @@ def tiny_map(tmp_path_factory: pytest.TempPathFactory, tiny_capture: Path) -> Pa
 
     folder = MapFolder.create(tmp_path_factory.mktemp("maps") / "tiny")
     config = Config(features=FeaturesConfig(max_features=700))
-    odometry.run(folder, [open_capture(tiny_capture, CaptureConfig())], config)
+    odometry.run(folder, open_capture(tiny_capture, CaptureConfig()), config)
     for stage in (vocabulary, loops, optimise):
         stage.run(folder, config)
     return folder.root
@@ -127,7 +127,7 @@ def whole_map(tmp_path_factory: pytest.TempPathFactory, tiny_capture: Path, tiny
     root = tmp_path_factory.mktemp("maps") / "whole"
     shutil.copytree(tiny_map, root)
     config = Config(features=FeaturesConfig(max_features=700))
-    build_map(MapFolder(root), [open_capture(tiny_capture, CaptureConfig())], config)
+    build_map(MapFolder(root), open_capture(tiny_capture, CaptureConfig()), config)
     return root
 
 

@@ -49,7 +49,7 @@ def folder(
 ) -> MapFolder:
     """A map at the true poses but one, up to optimise."""
     folder = MapFolder.create(tmp_path_factory.mktemp("maps") / "given")
-    odometry.run(folder, [capture], CONFIG, given=without(truth, WITHOUT))
+    odometry.run(folder, capture, CONFIG, given=without(truth, WITHOUT))
     for stage in (vocabulary, loops, optimise):
         stage.run(folder, CONFIG)
     return folder
@@ -273,7 +273,7 @@ def test_closures_that_agree_are_kept(folder: MapFolder) -> None:
 def test_an_unreadable_frame_is_lost_and_a_black_one_no_keyframe(
     capture: Capture, truth: Trajectory, tmp_path: Path
 ) -> None:
-    found = odometry.track([First(capture, black=1, unreadable=2)], CONFIG, tmp_path, given=truth)
+    found = odometry.track(First(capture, black=1, unreadable=2), CONFIG, tmp_path, given=truth)
     assert [bool(reason) for reason in found.reasons] == [False, False, True, False]
     assert "truncated" in found.reasons[2]
     np.testing.assert_array_equal(found.T_segment_camera[1], truth.T_world_camera[1])
@@ -286,13 +286,13 @@ def test_no_frame_with_features_is_an_error(
 ) -> None:
     few = dataclasses.replace(CONFIG, features=FeaturesConfig(max_features=5))
     with pytest.raises(CaptureError, match="expected frames with a given pose"):
-        odometry.track([First(capture)], few, tmp_path, given=truth)
+        odometry.track(First(capture), few, tmp_path, given=truth)
 
 
 def test_the_stage_is_made_anew_for_other_poses(
     capture: Capture, truth: Trajectory, tmp_path: Path
 ) -> None:
-    folder, first = MapFolder.create(tmp_path / "map"), [First(capture)]
+    folder, first = MapFolder.create(tmp_path / "map"), First(capture)
     assert not odometry.run(folder, first, CONFIG, given=truth).reused
     assert odometry.run(folder, first, CONFIG, given=truth).reused
     shifted = Trajectory(truth.stamps_s, se3.make(np.eye(3), [1, 0, 0]) @ truth.T_world_camera)

@@ -79,8 +79,8 @@ def tiny(tiny_map: Path) -> Odometry:
     return load_odometry(MapFolder(tiny_map))
 
 
-def tracked(capture: Capture, folder: Path, *more: Capture) -> Odometry:
-    return odometry.track([capture, *more], CONFIG, folder)
+def tracked(capture: Capture, folder: Path) -> Odometry:
+    return odometry.track(capture, CONFIG, folder)
 
 
 def true_motion(truth: np.ndarray, i: int, j: int) -> np.ndarray:
@@ -238,18 +238,8 @@ def test_a_capture_that_shows_nothing_is_an_error(capture: Capture, tmp_path: Pa
 def test_depth_beyond_the_limit_is_not_used(capture: Capture, tmp_path: Path) -> None:
     near = dataclasses.replace(CONFIG.odometry, max_depth_m=2.0)
     config = dataclasses.replace(CONFIG, odometry=near)
-    result = odometry.track([Cut(capture, [0])], config, tmp_path)
+    result = odometry.track(Cut(capture, [0]), config, tmp_path)
     assert np.nanmax(result.keyframes[0].points_camera[:, 2]) < 2.1  # a plane through a window
-
-
-def test_several_captures_are_told_apart_and_share_a_map(
-    capture: Capture, truth: np.ndarray, tmp_path: Path
-) -> None:
-    result = tracked(Cut(capture, range(3)), tmp_path, Cut(capture, range(2, 5)))
-    assert result.frames.capture.tolist() == [0, 0, 0, 1, 1, 1]
-    assert result.frames.index.tolist() == [0, 1, 2, 0, 1, 2]
-    assert result.segment.tolist() == [0] * 6
-    np.testing.assert_allclose(result.T_segment_camera[5], true_motion(truth, 0, 4), atol=DRIFT)
 
 
 def stage_bytes(folder: MapFolder) -> dict[str, bytes]:
@@ -265,7 +255,7 @@ def test_the_stage_writes_the_same_bytes_whatever_the_number_of_cores(
     for cores in (1, 5):
         monkeypatch.setattr(os, "cpu_count", lambda n=cores: n)
         folder = MapFolder.create(tmp_path / f"map_{cores}")
-        odometry.run(folder, [cut], CONFIG)
+        odometry.run(folder, cut, CONFIG)
         written.append(stage_bytes(folder))
     assert written[0] == written[1]
     assert len(written[0]) > 6
@@ -273,7 +263,7 @@ def test_the_stage_writes_the_same_bytes_whatever_the_number_of_cores(
 
 def test_the_report_names_what_is_lost(capture: Capture, tmp_path: Path) -> None:
     folder = MapFolder.create(tmp_path / "map")
-    report = odometry.run(folder, [Cut(capture, range(5), black=2)], CONFIG)
+    report = odometry.run(folder, Cut(capture, range(5), black=2), CONFIG)
     assert report.values["frames"] == 5
     assert report.values["tracked"] == 4
     lost = [{"capture": 0, "first": 2, "last": 2, "reason": "0 features with depth"}]
@@ -288,13 +278,13 @@ def test_a_finished_stage_is_reused_until_capture_or_settings_change(
 ) -> None:
     folder = MapFolder.create(tmp_path / "map")
     cut = Cut(capture, range(2))
-    first = odometry.run(folder, [cut], CONFIG)
-    again = odometry.run(folder, [cut], CONFIG)
+    first = odometry.run(folder, cut, CONFIG)
+    again = odometry.run(folder, cut, CONFIG)
     assert (first.reused, again.reused) == (False, True)
     assert again.values == first.values
-    assert not odometry.run(folder, [cut], dataclasses.replace(CONFIG, seed=1)).reused
+    assert not odometry.run(folder, cut, dataclasses.replace(CONFIG, seed=1)).reused
     other = dataclasses.replace(CONFIG, seed=1)
-    assert not odometry.run(folder, [Cut(capture, range(1, 3))], other).reused
+    assert not odometry.run(folder, Cut(capture, range(1, 3)), other).reused
 
 
 def test_progress_ends_at_the_last_frame(capture: Capture, tmp_path: Path) -> None:
@@ -303,6 +293,6 @@ def test_progress_ends_at_the_last_frame(capture: Capture, tmp_path: Path) -> No
     def progress(task: str, done: int, total: int) -> None:
         seen.append((task, done, total))
 
-    odometry.track([Cut(capture, range(2))], CONFIG, tmp_path, progress)
+    odometry.track(Cut(capture, range(2)), CONFIG, tmp_path, progress)
     assert seen[-1] == ("odometry", 2, 2)
     assert [done for _, done, _ in seen] == sorted(done for _, done, _ in seen)

@@ -228,7 +228,7 @@ def test_a_capture_of_one_place_is_a_map(tiny_capture: Path, tmp_path: Path) -> 
         lines = (still / name).read_text().splitlines()
         (still / name).write_text("\n".join(lines[:4]) + "\n")
     folder = MapFolder.create(tmp_path / "map")
-    odometry_stage.run(folder, [open_capture(still, CaptureConfig())], CONFIG)
+    odometry_stage.run(folder, open_capture(still, CaptureConfig()), CONFIG)
     vocabulary.run(folder, CONFIG)
     loops.run(folder, CONFIG)
     report = optimise.run(folder, CONFIG)

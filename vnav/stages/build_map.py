@@ -1,4 +1,4 @@
-"""From captures to a finished map: claim 3, every stage in its turn."""
+"""From a capture to a finished map: claim 3, every stage in its turn."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -49,13 +49,13 @@ def build(task: Task, progress: Progress = silent) -> Built:
     given = read_tum(task.trajectory) if task.trajectory else None
     checked = require_usable(capture, force=task.force, progress=progress)
     folder = MapFolder.create(task.map_dir, task.fresh)
-    reports = build_map(folder, [capture], task.config, given=given, progress=progress)
+    reports = build_map(folder, capture, task.config, given=given, progress=progress)
     return Built(checked.warnings, reports)
 
 
 def build_map(
     folder: MapFolder,
-    captures: Sequence[Capture],
+    capture: Capture,
     config: Config,
     *,
     given: Trajectory | None = None,
@@ -64,13 +64,13 @@ def build_map(
     """Run every stage that is not up to date; their reports in order, that of the whole run last.
 
     With ``given`` poses, the map is made at these.
-    MapError where the map was made of other captures.
+    MapError where the map was made of others.
     """
     started = clock()
-    expect_captures(folder, captures)
+    expect_capture(folder, capture)
     from vnav.stages import odometry
 
-    tracked = odometry.run(folder, captures, config, given=given, progress=progress)
+    tracked = odometry.run(folder, capture, config, given=given, progress=progress)
     reports = [tracked, *run_stages(folder, STAGES[1:], config, progress)]
     return [*reports, finished(folder, whole(folder), started)]
 
@@ -88,14 +88,13 @@ def run_stages(
     return reports
 
 
-def expect_captures(folder: MapFolder, captures: Sequence[Capture]) -> None:
-    """MapError where a map exists and was made of captures of other names."""
-    found = [capture.name for capture in captures]
-    made_of = [capture["name"] for capture in folder.captures]
-    if made_of and made_of != found:
+def expect_capture(folder: MapFolder, capture: Capture) -> None:
+    """MapError where a map exists and was made of a capture of another name, or of several."""
+    made_of = [mapped["name"] for mapped in folder.captures]
+    if made_of and made_of != [capture.name]:
         raise MapError(
             f"expected {', '.join(made_of)}, of which the map {folder.root} was made, found"
-            f" {', '.join(found)}; name another folder with --map, add a capture with 'vnav extend"
+            f" {capture.name}; name another folder with --map, add a capture with 'vnav extend"
             f" {folder.root} CAPTURE', or start anew with --fresh"
         )
 

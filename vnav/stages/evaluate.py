@@ -107,7 +107,7 @@ def evaluate(task: Task, progress: Progress = silent) -> Run:
         folder = MapFolder.create(Path(scratch) / "map")
         mapped = relocalisation.without_held_out(capture, entry.hold_out_every)
         require_usable(mapped, progress=progress)
-        reports = build_map(folder, [mapped], config, progress=progress)
+        reports = build_map(folder, mapped, config, progress=progress)
         trajectory = read_tum(folder.stage("optimise") / "trajectory_0.tum")
         values = _of_the_map(folder, reports)
         if len(truth):

@@ -135,7 +135,7 @@ def _appended(
     old, T_world_camera = load_odometry(folder), load_optimised(folder).T_world_camera
     added = path / "added"
     added.mkdir()
-    new = track([capture], config, added, progress)
+    new = track(capture, config, added, progress)
     shutil.copytree(folder.stage("odometry") / "keyframes", path / "keyframes")
     add_keyframes(path, added, len(old.frames))
     shutil.rmtree(added)

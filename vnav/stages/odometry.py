@@ -1,9 +1,9 @@
-"""Frame-to-frame odometry over whole captures: claim 3, S1 to S6."""
+"""Frame-to-frame odometry over a whole capture: claim 3, S1 to S6."""
 
 import dataclasses
 import os
 from collections import deque
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
@@ -37,33 +37,33 @@ from vnav.stages.given import Follower, poses_at
 
 def run(
     folder: MapFolder,
-    captures: Sequence[Capture],
+    capture: Capture,
     config: Config,
     *,
     given: Trajectory | None = None,
     progress: Progress = silent,
 ) -> Report:
-    """Track every frame of the captures, choose keyframes, name what is lost.
+    """Track every frame of the capture, choose keyframes, name what is lost.
 
     With ``given`` poses nothing is tracked: they are taken for what they are.
     """
     started = clock()
     settings = settings_of(config, "capture", "features", "registration", "odometry")
-    entries = [described(k, capture) for k, capture in enumerate(captures)]
-    inputs = {f"capture_{entry['id']}": entry["fingerprint"] for entry in entries}
+    entry = described(0, capture)
+    inputs = {"capture_0": entry["fingerprint"]}
     if given is not None:
         inputs["trajectory"] = fingerprint(given)
     if folder.is_current("odometry", settings, inputs):
         return reused(folder, "odometry")
     with folder.writing("odometry", settings, inputs) as draft:
-        odometry = track(captures, config, draft, progress, given)
+        odometry = track(capture, config, draft, progress, given)
         save_odometry(draft, odometry)
-        folder.set_captures(entries)
+        folder.set_captures([entry])
     return finished(folder, report(odometry), started)
 
 
 def track(
-    captures: Sequence[Capture],
+    capture: Capture,
     config: Config,
     draft: Path,
     progress: Progress = silent,
@@ -73,13 +73,13 @@ def track(
 
     TrajectoryError where hardly any frame has a pose of those ``given``.
     """
-    frames = _frame_table(captures)
+    frames = _frame_table(capture)
     tracker: Tracker | Follower = Tracker(config)
     if given is not None:
         tracker = Follower(poses_at(frames.stamp_s, given, config.capture.association_s), config)
     with ThreadPoolExecutor(os.cpu_count()) as pool:
         written = []
-        for row, seen in _described_frames(captures, config, pool):
+        for row, seen in _described_frames(capture, config, pool):
             progress("odometry", row, len(frames))
             if isinstance(seen, str):
                 tracker.skip(row, seen)
@@ -233,44 +233,40 @@ class _Seen:
 
 
 def _described_frames(
-    captures: Sequence[Capture], config: Config, pool: ThreadPoolExecutor
+    capture: Capture, config: Config, pool: ThreadPoolExecutor
 ) -> Iterator[tuple[int, _Seen | str]]:
     """Every frame in order, read and described by the pool a little ahead; or why it cannot be."""
     extract = front_end(config.features).extract
     farthest = config.odometry.max_depth_m
     matcher = DescriptorMatcher(config.registration)
-    sensors = [Sensor(rectified(c.camera), config.registration, matcher) for c in captures]
-    keys = [(c, i) for c, capture in enumerate(captures) for i in range(len(capture))]
+    sensor = Sensor(rectified(capture.camera), config.registration, matcher)
 
     def describe(row: int) -> _Seen | str:
-        c, index = keys[row]
         try:
-            frame = captures[c].read(index)
+            frame = capture.read(row)
         except CaptureError as error:
             return str(error)
-        frame = dataclasses.replace(frame, capture=c)
         features = extract(frame.color)
         near = np.where(frame.depth_m <= farthest, frame.depth_m, np.float32(0))
-        points = lift(features.keypoints_px, near, sensors[c].intrinsics, config.registration)
-        return _Seen(Keyframe(row, features, points), frame, sensors[c])
+        points = lift(features.keypoints_px, near, sensor.intrinsics, config.registration)
+        return _Seen(Keyframe(row, features, points), frame, sensor)
 
     threads = cv2.getNumThreads()
     cv2.setNumThreads(1)
     try:
         ahead: deque[Future[_Seen | str]] = deque()
-        for row in range(len(keys)):
-            while len(ahead) < 2 * (os.cpu_count() or 1) and row + len(ahead) < len(keys):
+        for row in range(len(capture)):
+            while len(ahead) < 2 * (os.cpu_count() or 1) and row + len(ahead) < len(capture):
                 ahead.append(pool.submit(describe, row + len(ahead)))
             yield row, ahead.popleft().result()
     finally:
         cv2.setNumThreads(threads)
 
 
-def _frame_table(captures: Sequence[Capture]) -> FrameTable:
-    keys = [(c, i) for c, capture in enumerate(captures) for i in range(len(capture))]
-    stamps = [captures[c].stamp_s(i) for c, i in keys]
-    table = np.array(keys, np.int32).reshape(-1, 2)
-    return FrameTable(table[:, 0], table[:, 1], np.array(stamps))
+def _frame_table(capture: Capture) -> FrameTable:
+    index = np.arange(len(capture), dtype=np.int32)
+    stamps_s = [capture.stamp_s(k) for k in range(len(capture))]
+    return FrameTable(np.zeros_like(index), index, np.array(stamps_s))
 
 
 def described(number: int, capture: Capture) -> dict[str, Any]:

@@ -62,7 +62,7 @@ def run(
     """
     capture = cached_capture(spec, cache, progress)
     folder = MapFolder.create(out / "map")
-    reports = build_map(folder, [open_capture(capture, config.capture)], config, progress=progress)
+    reports = build_map(folder, open_capture(capture, config.capture), config, progress=progress)
     report.write(folder)
 
     locator = Locator(folder, config)
