@@ -103,6 +103,20 @@ def carry(poses: Array, edges: Sequence[Edge], held: NDArray[np.intp]) -> Array:
     return _poses(gtsam.LevenbergMarquardtOptimizer(graph, _values(poses, nodes)).optimize(), poses)
 
 
+def reached(poses: Array, edges: Sequence[Edge]) -> Array:
+    """Poses (N, 4, 4) with those filled in, NaN before, that edges reach from known ones."""
+    poses, left = poses.copy(), True
+    while left:
+        left = False
+        for e in edges:
+            known_i, known_j = np.isfinite(poses[[e.i, e.j], 0, 0])
+            if known_i and not known_j:
+                poses[e.j], left = poses[e.i] @ e.T_i_j, True
+            elif known_j and not known_i:
+                poses[e.i], left = poses[e.j] @ se3.inverse(e.T_i_j), True
+    return poses
+
+
 def join(
     T_segment_camera: Array,
     segment: NDArray[np.int32],

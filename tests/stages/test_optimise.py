@@ -311,3 +311,63 @@ def test_the_main_part_of_an_extended_map_is_what_was_mapped_before() -> None:
     assert main.tolist() == [True, True, False, False, False, False]
     assert {name: rows.tolist() for name, rows in others.items()} == {"part_2": [2, 3, 4]}
     assert optimise._parts(part)[0].tolist() == [False, False, True, True, True, False]
+
+
+def along(odometry: Odometry, first: int, last: int) -> tuple[Edge, ...]:
+    """Edges from each frame to the next, in a row of frames, as depth alone would tell them."""
+    T = odometry.T_segment_camera
+    return tuple(
+        Edge(k, k + 1, se3.inverse(T[k]) @ T[k + 1], 1e4 * np.eye(6)) for k in range(first, last)
+    )
+
+
+def without(odometry: Odometry, rows: range) -> Odometry:
+    """The odometry as if features had told nothing of some frames, but depth had."""
+    edges = tuple(e for e in odometry.edges if e.i not in rows and e.j not in rows)
+    poses, segment = odometry.T_segment_camera.copy(), odometry.segment.copy()
+    poses[rows], segment[rows] = np.nan, LOST
+    keyframes = tuple(k for k in odometry.keyframes if k.row not in rows)
+    return dataclasses.replace(
+        odometry,
+        T_segment_camera=poses,
+        segment=segment,
+        edges=edges,
+        keyframes=keyframes,
+        depth_edges=along(odometry, rows[0] - 1, rows[-1] + 1),
+    )
+
+
+def between_keyframes(odometry: Odometry) -> range:
+    """Two frames in a row, none of which is a keyframe."""
+    keyframes = {k.row for k in odometry.keyframes}
+    first = next(k for k in range(1, 50) if not keyframes & {k, k + 1})
+    return range(first, first + 2)
+
+
+def test_frames_that_depth_alone_joins_hang_between_their_neighbours(
+    odometry: Odometry, camera: Intrinsics
+) -> None:
+    rows = between_keyframes(odometry)
+    none = np.zeros((0, 4), np.int32)
+    whole = optimise.solve(odometry, (), none, [camera], CONFIG).poses
+    hung = optimise.solve(without(odometry, rows), (), none, [camera], CONFIG).poses
+    # The edges are exact, and those of the neighbours as good as the odometry's: 6 mm at the worst.
+    np.testing.assert_allclose(hung[rows], whole[rows], atol=0.01)
+
+
+def test_a_long_part_is_not_joined_by_depth_alone(odometry: Odometry, camera: Intrinsics) -> None:
+    few = dataclasses.replace(CONFIG.odometry, max_depth_only_frames=1)
+    config = dataclasses.replace(CONFIG, odometry=few)
+    half = len(odometry.frames) // 2
+    apart = dataclasses.replace(
+        odometry,
+        segment=(np.arange(len(odometry.frames)) >= half).astype(np.int32),
+        edges=tuple(e for e in odometry.edges if (e.i < half) == (e.j < half)),
+        depth_edges=along(odometry, half - 1, half),
+    )
+    solved = optimise.solve(apart, (), np.zeros((0, 4), np.int32), [camera], config)
+    assert set(solved.others) == {"part_2"}
+    joined = optimise.solve(
+        dataclasses.replace(apart), (), np.zeros((0, 4), np.int32), [camera], CONFIG
+    )
+    assert np.isfinite(joined.poses).all()

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from vnav.config import Config
 from vnav.core import se3
 from vnav.core.association import associate, span
-from vnav.core.frame import Edge
+from vnav.core.frame import Edge, Frame
 from vnav.core.mapping import LOST, FrameTable, Keyframe, Odometry
 from vnav.core.trajectory import Trajectory
 from vnav.errors import CaptureError, TrajectoryError
@@ -81,7 +81,7 @@ class Follower:
         without = np.flatnonzero(np.isnan(T_world_camera[:, 0, 0]))
         self._reasons = {int(row): NO_POSE for row in without}
 
-    def add(self, view: Keyframe, sensor: Sensor) -> bool:
+    def add(self, view: Keyframe, _frame: Frame, sensor: Sensor) -> bool:
         """Take the next frame; True where it is kept as a keyframe."""
         if view.row in self._reasons or view.has_depth.sum() < sensor.config.min_inliers:
             return False

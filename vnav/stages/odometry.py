@@ -32,6 +32,7 @@ from vnav.io.trajectories import fingerprint
 from vnav.posegraph import chain
 from vnav.registration import Sensor, register
 from vnav.stages.common import clock, finished, reused, settings_of
+from vnav.stages.depth_tracking import DepthTracker
 from vnav.stages.given import Follower, poses_at
 
 
@@ -83,7 +84,7 @@ def track(
             progress("odometry", row, len(frames))
             if isinstance(seen, str):
                 tracker.skip(row, seen)
-            elif tracker.add(seen.keyframe, seen.sensor):
+            elif tracker.add(seen.keyframe, seen.frame, seen.sensor):
                 written.append(pool.submit(save_keyframe, draft, row, seen.frame))
         for keyframe in written:
             keyframe.result()
@@ -101,21 +102,31 @@ class Tracker:
         self._previous: Keyframe | None = None
         self._motion = Motion()
         self._edges: list[Edge] = []
+        self._by_depth = DepthTracker(config.odometry)
+        self._depth_edges: list[Edge] = []
         self._reasons: dict[int, str] = {}
 
-    def add(self, view: Keyframe, sensor: Sensor) -> bool:
+    def add(self, view: Keyframe, frame: Frame, sensor: Sensor) -> bool:
         """Follow the next frame; True where it is kept as a keyframe."""
         found = self._follow(view, sensor)
-        if not found:
-            if int(view.has_depth.sum()) < sensor.config.min_inliers:
-                self.skip(view.row, f"{int(view.has_depth.sum())} features with depth")
-                return False
+        by_depth = self._edges_by_depth(view.row, frame, sensor, found)
+        lifted = int(view.has_depth.sum())
+        featured = lifted >= sensor.config.min_inliers
+        self._depth_edges += by_depth
+        if not found and not by_depth and not featured:
+            self.skip(view.row, f"{lifted} features with depth")
+            return False
+        if not found and not by_depth:
             self._reasons[view.row] = "no frame before it matches"
         for target, estimate in found.items():
             self._edges.append(Edge(target, view.row, estimate.T_a_b, estimate.information))
-        self._motion.follow(view.row, {row: e.T_a_b for row, e in found.items()})
-        new = self._is_keyframe(view, found)
-        self._previous = view
+        motions = {row: estimate.T_a_b for row, estimate in found.items()}
+        self._motion.follow(view.row, motions or {edge.i: edge.T_i_j for edge in by_depth})
+        depth_only = bool(by_depth and not found)
+        self._by_depth.took(view.row, frame, depth_only)
+        new = not depth_only and self._is_keyframe(view, found)
+        if featured:
+            self._previous = view
         if new:
             self._keyframes.append(view)
             self._signatures.append(signature(view.features))
@@ -141,6 +152,15 @@ class Tracker:
             if isinstance(estimate, PoseEstimate):
                 return {target.row: estimate}
         return found
+
+    def _edges_by_depth(
+        self, row: int, frame: Frame, sensor: Sensor, found: dict[int, PoseEstimate]
+    ) -> list[Edge]:
+        """From the last frame, where features join none or the last hangs by its depth itself."""
+        last = self._by_depth.last
+        if last is None or (found and not self._by_depth.hanging) or last in found:
+            return []
+        return self._by_depth.edges(row, frame, sensor, self._motion.predicted(last))
 
     def _others(self, view: Keyframe) -> Iterator[Keyframe]:
         """Recent keyframes, newest first, then the most similar of the rest."""
@@ -191,7 +211,8 @@ class Tracker:
             for row in range(len(frames))
         )
         edges, keyframes = tuple(self._edges), tuple(self._keyframes)
-        return Odometry(frames, poses, segment, reasons, edges, keyframes)
+        by_depth = tuple(self._depth_edges)
+        return Odometry(frames, poses, segment, reasons, edges, keyframes, depth_edges=by_depth)
 
 
 class Motion:
@@ -281,7 +302,9 @@ def report(odometry: Odometry) -> Report:
     frames, keyframes = odometry.frames, len(odometry.keyframes)
     spans = frames.spans(odometry.reasons)
     tracked = odometry.reasons.count("")
-    segments = np.unique(odometry.segment[[not r for r in odometry.reasons]])
+    is_tracked = np.array([not reason for reason in odometry.reasons])
+    depth_only = int((is_tracked & (odometry.segment == LOST)).sum())
+    segments = np.unique(odometry.segment[is_tracked & (odometry.segment != LOST)])
     values = {
         "frames": len(frames),
         "tracked": tracked,
@@ -289,10 +312,13 @@ def report(odometry: Odometry) -> Report:
         "segments": len(segments),
         "keyframes": keyframes,
         "edges": len(odometry.edges),
+        "depth_only": depth_only,
         "features_median": float(np.median([len(k.features) for k in odometry.keyframes])),
     }
     how = "have a given pose" if odometry.given else "tracked"
     line = f"{tracked} of {len(frames)} frames {how}, {keyframes} keyframes"
+    if depth_only:
+        line += f", {depth_only} frames by depth alone"
     if len(segments) > 1:
         line += f", in {len(segments)} segments"
     warnings = tuple(

@@ -112,6 +112,7 @@ def solve(
     adjusted = _adjust(poses, odometry, kept, matches, cameras, config)
     progress("optimise", 2, 3)
     poses = _carried(poses, adjusted, odometry, edges)
+    poses, others = _hung(poses, odometry, others, config.odometry.max_depth_only_frames)
     progress("optimise", 3, 3)
     return Solved(poses, adjusted, graph, kept, others)
 
@@ -202,6 +203,24 @@ def _carried(poses: Array, adjusted: Adjusted, odometry: Odometry, edges: Sequen
     rows = np.array([k.row for k in odometry.keyframes])
     poses = _moved_along(poses, adjusted.T_world_camera, rows)
     return posegraph.carry(poses, edges, rows[np.isfinite(poses[rows, 0, 0])])
+
+
+def _hung(
+    poses: Array, odometry: Odometry, others: dict[str, NDArray[np.intp]], most: int
+) -> tuple[Array, dict[str, NDArray[np.intp]]]:
+    """All poses, with those of frames that only depth joins to the rest; and the parts left.
+
+    Parts of more frames than ``most`` stay parts: nothing is built on depth alone.
+    """
+    large = [rows for rows in others.values() if len(rows) > most]
+    apart = np.isin(np.arange(len(poses)), np.concatenate([[-1], *large]))
+    edges = [e for e in (*odometry.edges, *odometry.depth_edges) if not (apart[e.i] or apart[e.j])]
+    held = np.flatnonzero(np.isfinite(poses[:, 0, 0]))
+    poses = posegraph.reached(poses, edges)
+    known = np.isfinite(poses[:, 0, 0])
+    if known.sum() > len(held):
+        poses = posegraph.carry(poses, [e for e in edges if known[e.i] and known[e.j]], held)
+    return poses, {name: rows for name, rows in others.items() if not known[rows].any()}
 
 
 def _moved_along(poses: Array, adjusted: Array, rows: NDArray[np.intp]) -> Array:

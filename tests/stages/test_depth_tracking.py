@@ -1,0 +1,86 @@
+"""Frames of a tiny capture followed by their depth alone."""
+
+import dataclasses
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from vnav.config import Config
+from vnav.core import se3
+from vnav.core.frame import Frame
+from vnav.features.matching import DescriptorMatcher
+from vnav.io.capture import open_capture
+from vnav.io.rectify import rectified
+from vnav.io.trajectories import read_tum
+from vnav.registration import Sensor
+from vnav.stages.depth_tracking import DepthTracker
+
+CONFIG = Config()
+
+
+@pytest.fixture(scope="module")
+def sensor(tiny_capture: Path) -> Sensor:
+    camera = rectified(open_capture(tiny_capture, CONFIG.capture).camera)
+    return Sensor(camera, CONFIG.registration, DescriptorMatcher(CONFIG.registration))
+
+
+@pytest.fixture(scope="module")
+def frames(tiny_capture: Path) -> list[Frame]:
+    capture = open_capture(tiny_capture, CONFIG.capture)
+    return [capture.read(k) for k in range(6)]
+
+
+@pytest.fixture(scope="module")
+def motions(tiny_capture: Path) -> list[np.ndarray]:
+    T = read_tum(tiny_capture / "groundtruth.txt").T_world_camera
+    return [se3.inverse(T[k]) @ T[k + 1] for k in range(5)]
+
+
+def seen(frames: list[Frame], most: int = 30) -> DepthTracker:
+    """A tracker that features have told the frames' motions so far."""
+    settings = dataclasses.replace(CONFIG.odometry, max_depth_only_frames=most)
+    tracker = DepthTracker(settings)
+    for row, frame in enumerate(frames):
+        tracker.took(row, frame, alone=False)
+    return tracker
+
+
+def test_a_frame_is_followed_from_the_last(
+    frames: list[Frame], motions: list[np.ndarray], sensor: Sensor
+) -> None:
+    (edge,) = seen(frames[:3]).edges(3, frames[3], sensor, motions[1])
+    assert (edge.i, edge.j) == (2, 3)
+    off = se3.inverse(motions[2]) @ edge.T_i_j
+    xi = np.concatenate([se3.log_so3(off[:3, :3]), off[:3, 3]])
+    # By its own information: 6 degrees of freedom, 99.9 % are below 22.5.
+    assert xi @ edge.information @ xi < 22.5
+
+
+def test_after_a_gap_in_time_nothing_is_predicted(
+    frames: list[Frame], motions: list[np.ndarray], sensor: Sensor
+) -> None:
+    late = dataclasses.replace(frames[3], stamp_s=frames[2].stamp_s + 3.0)
+    assert seen(frames[:3]).edges(3, late, sensor, motions[1]) == []
+
+
+def test_no_more_frames_in_a_row_are_followed_than_allowed(
+    frames: list[Frame], motions: list[np.ndarray], sensor: Sensor
+) -> None:
+    tracker = seen(frames[:3], most=1)
+    assert tracker.edges(3, frames[3], sensor, motions[1])
+    tracker.took(3, frames[3], alone=True)
+    assert tracker.hanging
+    assert tracker.edges(4, frames[4], sensor, motions[2]) == []
+
+
+def test_another_capture_is_not_followed_on(
+    frames: list[Frame], motions: list[np.ndarray], sensor: Sensor
+) -> None:
+    other = dataclasses.replace(frames[3], capture=1)
+    assert seen(frames[:3]).edges(3, other, sensor, motions[1]) == []
+
+
+def test_without_a_prediction_nothing_is_followed(frames: list[Frame], sensor: Sensor) -> None:
+    assert seen(frames[:3]).edges(3, frames[3], sensor, None) == []
+    assert DepthTracker(CONFIG.odometry).last is None
