@@ -1,6 +1,8 @@
 """From landmarks and keyframes to the index that finds photos."""
 
+import os
 from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
 import numpy as np
@@ -142,7 +144,7 @@ def _neighbours(
     found = np.tile(np.arange(len(points))[:, None], (1, count))
     if not len(points):
         return found.astype(np.int32)
-    _, near = cKDTree(points).query(points, min(2 * count, len(points)))
+    _, near = cKDTree(points).query(points, min(2 * count, len(points)), workers=-1)
     near = near.reshape(len(points), -1)
     together = beside[home[:, None], home[near]]
     place = np.cumsum(together, 1) - 1
@@ -165,13 +167,16 @@ def _stranger(
     count = min(SAMPLE, len(descriptors))
     sample = np.sort(rng.choice(len(descriptors), count, replace=False)) if count else np.arange(0)
     values, half_norm = descriptors.astype(np.float32), half_norms(descriptors)
-    nearest = [np.zeros(0, np.float32)]
-    for part in np.array_split(sample, 1 + count // 100):
+    alike_home = beside[home]
+
+    def nearest(part: NDArray[np.intp]) -> NDArray[np.float32]:
         half = half_norm[part, None] + half_norm - values[part] @ values.T
         near = [np.abs(points[part, None, k] - points[:, k]) < APART_M for k in range(3)]
         half[np.logical_and.reduce(near)] = np.inf
-        half[~beside[home[part]][:, home]] = np.inf
-        nearest.append(np.sqrt(2 * half.min(1, initial=np.inf)))
-    found = np.concatenate(nearest)
+        half[~alike_home.take(home[part], 1).T] = np.inf
+        return np.asarray(np.sqrt(2 * half.min(1, initial=np.inf)))
+
+    with ThreadPoolExecutor(os.cpu_count()) as pool:
+        found = np.concatenate(list(pool.map(nearest, np.array_split(sample, 1 + count // 100))))
     found = found[np.isfinite(found)]
-    return np.quantile(found if len(found) else [0.0], QUARTILE, keepdims=True)
+    return np.asarray(np.quantile(found if len(found) else [0.0], QUARTILE, keepdims=True))
