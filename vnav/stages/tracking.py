@@ -1,0 +1,168 @@
+"""Following a camera frame by frame, by its features, else by its depth: claim 3, S3 to S6."""
+
+from collections.abc import Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vnav.config import Config
+from vnav.core import se3
+from vnav.core.frame import Edge, Frame, PoseEstimate, Rejected
+from vnav.core.mapping import LOST, FrameTable, Keyframe, Odometry
+from vnav.errors import CaptureError
+from vnav.features.appearance import signature
+from vnav.posegraph import chain
+from vnav.registration import Sensor, register
+from vnav.stages.depth_tracking import DepthTracker
+
+
+class Tracker:
+    """Follows frames one by one and keeps what the later stages need."""
+
+    def __init__(self, config: Config) -> None:
+        self._config = config
+        self._keyframes: list[Keyframe] = []
+        self._signatures: list[NDArray[np.float32]] = []
+        self._previous: Keyframe | None = None
+        self._motion = Motion()
+        self._edges: list[Edge] = []
+        self._by_depth = DepthTracker(config.odometry)
+        self._depth_edges: list[Edge] = []
+        self._reasons: dict[int, str] = {}
+
+    def add(self, view: Keyframe, frame: Frame, sensor: Sensor) -> bool:
+        """Follow the next frame; True where it is kept as a keyframe."""
+        found = self._follow(view, sensor)
+        by_depth = self._edges_by_depth(view.row, frame, sensor, found)
+        lifted = int(view.has_depth.sum())
+        featured = lifted >= sensor.config.min_inliers
+        self._depth_edges += by_depth
+        if not found and not by_depth and not featured:
+            self.skip(view.row, f"{lifted} features with depth")
+            return False
+        if not found and not by_depth:
+            self._reasons[view.row] = "no frame before it matches"
+        for target, estimate in found.items():
+            self._edges.append(Edge(target, view.row, estimate.T_a_b, estimate.information))
+        motions = {row: estimate.T_a_b for row, estimate in found.items()}
+        self._motion.follow(view.row, motions or {edge.i: edge.T_i_j for edge in by_depth})
+        depth_only = bool(by_depth and not found)
+        self._by_depth.took(view.row, frame, depth_only)
+        new = not depth_only and self._is_keyframe(view, found)
+        if featured:
+            self._previous = view
+        if new:
+            self._keyframes.append(view)
+            self._signatures.append(signature(view.features))
+        return new
+
+    def skip(self, row: int, reason: str) -> None:
+        """Leave a frame out, and say why."""
+        self._reasons[row] = reason
+
+    def _follow(self, view: Keyframe, sensor: Sensor) -> dict[int, PoseEstimate]:
+        """Estimates by row: last keyframe and predecessor; else recent ones; else alike ones."""
+        if self._previous is None:
+            return {}
+        first = {k.row: k for k in (*self._keyframes[-1:], self._previous)}
+        found = {
+            target.row: estimate
+            for target in first.values()
+            if isinstance(estimate := self._register(target, view, sensor), PoseEstimate)
+        }
+        others = () if found else self._others(view)
+        for target in others:
+            estimate = self._register(target, view, sensor)
+            if isinstance(estimate, PoseEstimate):
+                return {target.row: estimate}
+        return found
+
+    def _edges_by_depth(
+        self, row: int, frame: Frame, sensor: Sensor, found: dict[int, PoseEstimate]
+    ) -> list[Edge]:
+        """From the last frame, where features join none or the last hangs by its depth itself."""
+        last = self._by_depth.last
+        if last is None or (found and not self._by_depth.hanging) or last in found:
+            return []
+        return self._by_depth.edges(row, frame, sensor, self._motion.predicted(last))
+
+    def _others(self, view: Keyframe) -> Iterator[Keyframe]:
+        """Recent keyframes, newest first, then the most similar of the rest."""
+        recent = self._config.odometry.recent_keyframes
+        yield from reversed(self._keyframes[-1 - recent : -1])
+        older = self._signatures[: -1 - recent]
+        if older:
+            similarity = np.stack(older) @ signature(view.features)
+            best = np.argsort(-similarity, kind="stable")
+            for k in best[: self._config.odometry.similar_keyframes]:
+                yield self._keyframes[k]
+
+    def _register(
+        self, target: Keyframe, view: Keyframe, sensor: Sensor
+    ) -> PoseEstimate | Rejected:
+        rng = np.random.default_rng([self._config.seed, target.row, view.row])
+        return register(target, view, sensor, rng, self._motion.predicted(target.row))
+
+    def _is_keyframe(self, view: Keyframe, found: dict[int, PoseEstimate]) -> bool:
+        """By motion and shared view; also where the last keyframe is out of sight."""
+        settings = self._config.odometry
+        if not self._keyframes or self._keyframes[-1].row not in found:
+            return True
+        assert self._previous is not None
+        to_keyframe = found[self._keyframes[-1].row]
+        to_previous = found.get(self._previous.row, to_keyframe)
+        moved = float(np.linalg.norm(to_keyframe.T_a_b[:3, 3]))
+        turned = float(np.rad2deg(se3.rotation_angle(to_keyframe.T_a_b)))
+        shared = len(to_keyframe.inliers) / len(to_previous.inliers)
+        return (
+            moved > settings.keyframe_translation_m
+            or turned > settings.keyframe_rotation_deg
+            or shared < settings.keyframe_shared
+        )
+
+    def result(self, frames: FrameTable) -> Odometry:
+        """Everything that was tracked, as segments of connected frames."""
+        if not self._keyframes:
+            raise CaptureError(
+                f"expected frames with at least {self._config.registration.min_inliers} features"
+                f" that have depth, found none in {len(frames)} frames; run 'vnav check CAPTURE'"
+            )
+        poses, segment = chain(len(frames), self._edges, [k.row for k in self._keyframes])
+        sizes = np.bincount(segment[segment != LOST])
+        alone = (segment != LOST) & (sizes[segment] == 1) & (len(frames) > 1)
+        reasons = tuple(
+            self._reasons.get(row, "") if segment[row] == LOST or alone[row] else ""
+            for row in range(len(frames))
+        )
+        edges, keyframes = tuple(self._edges), tuple(self._keyframes)
+        by_depth = tuple(self._depth_edges)
+        return Odometry(frames, poses, segment, reasons, edges, keyframes, depth_edges=by_depth)
+
+
+class Motion:
+    """Poses since the track began, and where the next frame will be if the motion goes on."""
+
+    def __init__(self) -> None:
+        self._T_start_camera: dict[int, NDArray[np.float64]] = {}
+        self._step = np.eye(4)
+        self._last = -1
+
+    def follow(self, row: int, found: dict[int, NDArray[np.float64]]) -> None:
+        """Add a frame by its transformations ``T_target_camera`` from others, the best first."""
+        known = [(t, T) for t, T in found.items() if t in self._T_start_camera]
+        if not known:
+            self._T_start_camera.clear()
+            pose = np.eye(4)
+        else:
+            pose = self._T_start_camera[known[0][0]] @ known[0][1]
+        previous = self._T_start_camera.get(self._last)
+        self._step = np.eye(4) if previous is None else se3.inverse(previous) @ pose
+        self._T_start_camera[row] = pose
+        self._last = row
+
+    def predicted(self, target: int) -> NDArray[np.float64] | None:
+        """``T_target_camera`` of the next frame, None where the target is of another track."""
+        if target not in self._T_start_camera:
+            return None
+        now = self._T_start_camera[self._last]
+        return np.asarray(se3.inverse(self._T_start_camera[target]) @ now @ self._step)
