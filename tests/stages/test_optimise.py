@@ -26,7 +26,7 @@ from vnav.io.artifacts import (
 from vnav.io.capture import open_capture
 from vnav.io.map_folder import MapFolder
 from vnav.io.trajectories import read_tum
-from vnav.stages import loops, optimise, vocabulary
+from vnav.stages import loops, optimise, solution, vocabulary
 from vnav.stages import odometry as odometry_stage
 from vnav.synthetic import MINIATURE, one_room
 
@@ -173,7 +173,7 @@ def test_wrong_loops_are_refused_and_do_no_harm(
     pairs = [(k, k + n // 2) for k in range(0, n // 2, max(1, 5 * n // len(right)))]
     wrong = [Edge(rows[i], rows[j], np.eye(4), right[0].information) for i, j in pairs]
     assert len(wrong) >= 0.1 * len(right) - 1
-    solved = optimise.solve(odometry, [*wrong, *right], matches, [camera], CONFIG)
+    solved = solution.solve(odometry, [*wrong, *right], matches, [camera], CONFIG)
     assert not solved.graph.kept[: len(wrong)].any()
     assert solved.graph.kept[len(wrong) :].all()
     clean = result.T_world_camera
@@ -189,7 +189,7 @@ def test_of_parts_that_nothing_joins_the_largest_is_the_map(
     inside = [e for e in closures if (e.i < 40) == (e.j < 40)]
     kept = {(number[e.i], number[e.j]) for e in inside}
     matches = matches[[(i, j) in kept for i, j in matches[:, [0, 2]].tolist()]]
-    solved = optimise.solve(split, inside, matches, [camera], CONFIG)
+    solved = solution.solve(split, inside, matches, [camera], CONFIG)
     assert [rows.tolist() for rows in solved.others.values()] == [list(range(40, 60))]
     assert np.isfinite(solved.poses[:40]).all()
     assert np.isnan(solved.poses[40:]).all()
@@ -201,7 +201,7 @@ def test_closures_join_segments_and_all_of_them_are_the_map(
     folder: MapFolder, odometry: Odometry, camera: Intrinsics, truth: np.ndarray
 ) -> None:
     closures, matches = load_loop_edges(folder)
-    solved = optimise.solve(cut(odometry, 30), closures, matches, [camera], CONFIG)
+    solved = solution.solve(cut(odometry, 30), closures, matches, [camera], CONFIG)
     assert not solved.others
     off = np.linalg.norm(aligned(solved.poses, truth)[:, :3, 3] - truth[:, :3, 3], axis=1)
     assert off.max() < 0.03  # the drift of all 60 frames adds up to 6 mm at the worst
@@ -297,7 +297,7 @@ def test_a_keyframe_that_nothing_joins_does_not_part_those_around_it(
     torn = dataclasses.replace(
         odometry, edges=tuple(edges), T_segment_camera=poses, segment=segment
     )
-    solved = optimise.solve(torn, [], np.zeros((0, 4), np.int32), [camera], CONFIG)
+    solved = solution.solve(torn, [], np.zeros((0, 4), np.int32), [camera], CONFIG)
     posed = np.isfinite(solved.poses[:, 0, 0])
     assert posed[after:].all()
     assert not posed[lost:after].any()
@@ -307,10 +307,10 @@ def test_the_main_part_of_an_extended_map_is_what_was_mapped_before() -> None:
     part = np.array([0, 0, 1, 1, 1, LOST], np.int32)
     before = np.full((6, 4, 4), np.nan)
     before[:2] = np.eye(4)
-    main, others = optimise._parts(part, before)
+    main, others = solution._parts(part, before)
     assert main.tolist() == [True, True, False, False, False, False]
     assert {name: rows.tolist() for name, rows in others.items()} == {"part_2": [2, 3, 4]}
-    assert optimise._parts(part)[0].tolist() == [False, False, True, True, True, False]
+    assert solution._parts(part)[0].tolist() == [False, False, True, True, True, False]
 
 
 def along(odometry: Odometry, first: int, last: int) -> tuple[Edge, ...]:
@@ -349,8 +349,8 @@ def test_frames_that_depth_alone_joins_hang_between_their_neighbours(
 ) -> None:
     rows = between_keyframes(odometry)
     none = np.zeros((0, 4), np.int32)
-    whole = optimise.solve(odometry, (), none, [camera], CONFIG).poses
-    hung = optimise.solve(without(odometry, rows), (), none, [camera], CONFIG).poses
+    whole = solution.solve(odometry, (), none, [camera], CONFIG).poses
+    hung = solution.solve(without(odometry, rows), (), none, [camera], CONFIG).poses
     # The edges are exact, and those of the neighbours as good as the odometry's: 6 mm at the worst.
     np.testing.assert_allclose(hung[rows], whole[rows], atol=0.01)
 
@@ -365,9 +365,9 @@ def test_a_long_part_is_not_joined_by_depth_alone(odometry: Odometry, camera: In
         edges=tuple(e for e in odometry.edges if (e.i < half) == (e.j < half)),
         depth_edges=along(odometry, half - 1, half),
     )
-    solved = optimise.solve(apart, (), np.zeros((0, 4), np.int32), [camera], config)
+    solved = solution.solve(apart, (), np.zeros((0, 4), np.int32), [camera], config)
     assert set(solved.others) == {"part_2"}
-    joined = optimise.solve(
+    joined = solution.solve(
         dataclasses.replace(apart), (), np.zeros((0, 4), np.int32), [camera], CONFIG
     )
     assert np.isfinite(joined.poses).all()
