@@ -189,6 +189,16 @@ def furnished_twins() -> World:
 
 
 @pytest.fixture(scope="session")
+def tiled_world() -> World:
+    """A wall with a pattern of 30 things, the same again 0.3 m beside it, and 25 things more."""
+    rng = np.random.default_rng(8)
+    pattern, others = pictures(rng, 30), pictures(rng, 25)
+    things = pattern + pattern.moved((0.0, 0.3, 0.0)) + others
+    poses = [looking((0.2 * k, 0.1 * k - 0.2, 1.3), 3.0 * k - 6) for k in range(5)]
+    return World(things, mapped(things, poses, rng), CAMERA, looking, seen)
+
+
+@pytest.fixture(scope="session")
 def other_room() -> Things:
     """A room that is on no map."""
     return room(np.random.default_rng(3))

@@ -20,6 +20,7 @@ LEAST = 5  # matches that a pose can be tried with
 ATTEMPTS = 2  # poses sought in one place: repeated things in one view give several
 RIVAL_SHARE = 0.2  # of the most matches that agree; a place with fewer is no rival
 FIRST_RADIUS, LAST_RADIUS = 3.0, 2.0  # of guided matching, in thresholds of agreement
+WIDE_RADIUS = 10.0  # about a pose that few matches hold
 
 
 @dataclass(frozen=True)
@@ -75,7 +76,7 @@ def pursue(
             agreed.append(consensus)
             views.append(consensus.view)
             most = max(most, consensus.size)
-    verified = [_verified(c.view, query) for c in agreed if c.size >= _least(most)]
+    verified = [_settled(c.view, query, rng) for c in agreed if c.size >= _least(most)]
     return sorted([*known, *(h for h in verified if h)], key=lambda h: -h.strength)
 
 
@@ -90,6 +91,23 @@ def _consensus(
     config = query.config
     terms = Terms(query.near_px, least, config.ransac_iterations, config.solver)
     return agree(query.photo.lens, query.sightings(matches), terms, rng)
+
+
+def _settled(view: View, query: Query, rng: np.random.Generator) -> Hypothesis | None:
+    """The verified pose; where few matches hold it, the better one of those near it.
+
+    Few matches of things that repeat themselves can agree on a pose beside the right one, and
+    guided matching then only finds what agrees with that. All that the map predicts is sought once
+    more in a wide circle, and a pose sought anew in what is found.
+    """
+    first = _verified(view, query)
+    if first is None or first.inliers >= query.config.enough_matches:
+        return first
+    prediction = predict(first.view, query.atlas)
+    around = hits(prediction, query.photo, query.atlas, WIDE_RADIUS * query.near_px)
+    consensus = _consensus(matched(around, prediction, query.atlas), LEAST, query, rng)
+    second = _verified(consensus.view, query) if consensus else None
+    return second if second and second.inliers > first.inliers else first
 
 
 def _verified(view: View, query: Query) -> Hypothesis | None:
