@@ -25,7 +25,7 @@ demo: setup
 	$(BIN)/vnav demo
 
 test: check
-	$(BIN)/pytest -m "not real"
+	$(BIN)/pytest -m "not real" -n auto --dist loadfile
 
 check: setup
 	$(BIN)/vnav doctor
