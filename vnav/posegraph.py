@@ -1,6 +1,5 @@
 """The pose graph: trusted edges, closures that may be wrong, one robust optimum; claim 3, S7."""
 
-from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -72,24 +71,43 @@ def chain(
 
     Each segment starts at its first root; frames that no edge reaches are NaN and LOST.
     """
-    neighbours: dict[int, list[tuple[int, Array]]] = {}
-    for e in edges:
-        neighbours.setdefault(e.i, []).append((e.j, e.T_i_j))
-        neighbours.setdefault(e.j, []).append((e.i, se3.inverse(e.T_i_j)))
+    joined = _joined(edges)
     poses = np.full((count, 4, 4), np.nan)
     segment = np.full(count, LOST, np.int32)
     for root in roots:
-        if segment[root] != LOST:
-            continue
-        poses[root], segment[root] = np.eye(4), segment.max() + 1
-        queue = deque([root])
-        while queue:
-            i = queue.popleft()
-            for j, T_i_j in neighbours.get(i, ()):
-                if segment[j] == LOST:
-                    poses[j], segment[j] = poses[i] @ T_i_j, segment[i]
-                    queue.append(j)
+        if segment[root] == LOST:
+            poses[root] = np.eye(4)
+            segment[_fill(poses, joined, [root])] = segment.max() + 1
     return poses, segment
+
+
+def reached(poses: Array, edges: Sequence[Edge]) -> Array:
+    """Poses (N, 4, 4) with those filled in, NaN before, that edges reach from known ones."""
+    poses = poses.copy()
+    _fill(poses, _joined(edges), np.flatnonzero(np.isfinite(poses[:, 0, 0])).tolist())
+    return poses
+
+
+def _joined(edges: Sequence[Edge]) -> dict[int, list[tuple[int, Array]]]:
+    """The frames that each frame has an edge to, and how these stand to it."""
+    joined: dict[int, list[tuple[int, Array]]] = {}
+    for e in edges:
+        joined.setdefault(e.i, []).append((e.j, e.T_i_j))
+        joined.setdefault(e.j, []).append((e.i, se3.inverse(e.T_i_j)))
+    return joined
+
+
+def _fill(
+    poses: Array, joined: dict[int, list[tuple[int, Array]]], known: Sequence[int]
+) -> list[int]:
+    """Fill in poses that are NaN, breadth first from known ones; the rows of both."""
+    rows = list(known)
+    for i in rows:
+        for j, T_i_j in joined.get(i, ()):
+            if np.isnan(poses[j, 0, 0]):
+                poses[j] = poses[i] @ T_i_j
+                rows.append(j)
+    return rows
 
 
 def carry(poses: Array, edges: Sequence[Edge], held: NDArray[np.intp]) -> Array:
@@ -101,20 +119,6 @@ def carry(poses: Array, edges: Sequence[Edge], held: NDArray[np.intp]) -> Array:
     for e in edges:
         graph.add(_between(e))
     return _poses(gtsam.LevenbergMarquardtOptimizer(graph, _values(poses, nodes)).optimize(), poses)
-
-
-def reached(poses: Array, edges: Sequence[Edge]) -> Array:
-    """Poses (N, 4, 4) with those filled in, NaN before, that edges reach from known ones."""
-    poses, left = poses.copy(), True
-    while left:
-        left = False
-        for e in edges:
-            known_i, known_j = np.isfinite(poses[[e.i, e.j], 0, 0])
-            if known_i and not known_j:
-                poses[e.j], left = poses[e.i] @ e.T_i_j, True
-            elif known_j and not known_i:
-                poses[e.i], left = poses[e.j] @ se3.inverse(e.T_i_j), True
-    return poses
 
 
 def join(
