@@ -13,12 +13,12 @@ from vnav.config import RegistrationConfig
 from vnav.core import se3
 from vnav.core.camera import Intrinsics
 from vnav.core.frame import Edge
+from vnav.core.robust import robust_sigma
 
 Array = NDArray[np.float64]
 FIRST_POSE, FIRST_POINT = int(gtsam.symbol("x", 0)), int(gtsam.symbol("l", 0))
 BASELINE_M = 0.1  # virtual: it only turns inverse depth into the disparity that gtsam measures
 CAUCHY_SIGMAS = 2.0
-MEDIAN_TO_SIGMA = 1.4826  # of a normal distribution
 LONG_TRACK = 3  # sightings: two leave little over to tell noise from
 ENOUGH = 100  # of them; fewer tell no noise
 LEAST_PIXEL_SIGMA, LEAST_DEPTH_SIGMA = 0.1, 1e-4  # a perfect capture would divide by zero
@@ -89,10 +89,10 @@ class SensorModel:
             return self
         p, _ = self._in_camera(bundle, seen[long])
         left = np.sqrt(1 - (1 / sightings[long]).mean())
-        off = np.abs(self._reprojection(p, seen[long]))
-        d = np.abs(1 / p[:, 2] - seen.inverse_depth[long])
-        pixel = max(MEDIAN_TO_SIGMA * float(np.median(off)) / left, LEAST_PIXEL_SIGMA)
-        depth = max(MEDIAN_TO_SIGMA * float(np.nanmedian(d)) / left, LEAST_DEPTH_SIGMA)
+        off = self._reprojection(p, seen[long])
+        d = 1 / p[:, 2] - seen.inverse_depth[long]
+        pixel = max(float(robust_sigma(off)) / left, LEAST_PIXEL_SIGMA)
+        depth = max(float(robust_sigma(d)) / left, LEAST_DEPTH_SIGMA)
         model = copy.copy(self)
         model.pixel_sigma = min(pixel, self.pixel_sigma)
         model.depth_sigma = min(depth, self.depth_sigma)

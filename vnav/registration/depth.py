@@ -17,7 +17,15 @@ from vnav.config import RegistrationConfig
 from vnav.core import se3
 from vnav.core.camera import Intrinsics
 from vnav.core.frame import Rejected
-from vnav.registration.refinement import CONVERGED, NEAREST_M, _inverse, _jacobian
+from vnav.core.robust import robust_sigma
+from vnav.registration.refinement import (
+    CAUCHY_SIGMAS,
+    CONVERGED,
+    NEAREST_M,
+    inverse,
+    jacobian,
+    transform,
+)
 
 Array = NDArray[np.float64]
 Depth = NDArray[np.float32]
@@ -29,8 +37,6 @@ REACH_PX = 4  # of the plane that is fitted to the surface
 SLOPE_PIXELS = 540.0  # variance of a pixel over that of such a plane's slope
 EDGE_SIGMAS = 2.0  # root mean square off that plane, where the surface is no edge
 ITERATIONS = 30
-CAUCHY_SIGMAS = 2.0
-MEDIAN_TO_SIGMA = 1.4826  # of a normal distribution
 INLIER_SIGMAS = 3.0
 MIN_OVERLAP = 0.4  # share of the points that fall on a surface of the other image
 MIN_INLIERS = 0.8  # share of those that lie on it
@@ -62,7 +68,7 @@ def align_depth(
     surfaces = _Surfaces(depth_a_m, depth_b_m, intrinsics, config.depth_sigma_per_m2)
     T_a_b, spread = predicted, np.inf
     for _ in range(ITERATIONS):
-        narrower = surfaces.spread(T_a_b, spread)
+        narrower = surfaces.spread(T_a_b)
         step = surfaces.step(T_a_b, predicted, narrower)
         T_a_b = T_a_b @ se3.exp(step)
         if np.abs(step).max() < CONVERGED and narrower == spread:
@@ -87,13 +93,11 @@ class _Surfaces:
         self._camera = np.array([intrinsics.fx, intrinsics.fy, intrinsics.cx, intrinsics.cy])
         self._sigma = np.sqrt(2) * sigma  # of a point and a surface
 
-    def spread(self, T_a_b: Array, scale: float) -> float:
+    def spread(self, T_a_b: Array) -> float:
         """Standard deviation of the residuals, no less than the sensor's, by their median."""
-        residuals = self._normal_equations(T_a_b, scale)[3]
-        seen = np.abs(residuals[np.isfinite(residuals)])
-        if not len(seen):
-            return float(self._sigma)
-        return float(max(self._sigma, MEDIAN_TO_SIGMA * np.median(seen)))
+        residuals = self._normal_equations(T_a_b, self._sigma)[3]
+        seen = residuals[np.isfinite(residuals)]
+        return float(max(self._sigma, robust_sigma(seen)) if len(seen) else self._sigma)
 
     def step(self, T_a_b: Array, predicted: Array, scale: float) -> Array:
         """Gauss-Newton's step (6,), in directions that the surfaces fix, or to the prediction."""
@@ -186,12 +190,9 @@ def _normal_equations(
     residuals, slope_variance = np.full(len(points), np.nan), CORRELATED * sigma**2 / SLOPE_PIXELS
     p, J, row = np.empty(3), np.empty((3, 6)), np.empty(6)
     height, width = surface_b.shape[:2]
-    T = _inverse(T_a_b)
+    T_b_a = inverse(T_a_b)
     for m in range(len(points)):
-        for k in range(3):
-            p[k] = T[k, 3]
-            for n in range(3):
-                p[k] += T[k, n] * points[m, n]
+        transform(p, T_b_a, points[m])
         if p[2] <= NEAREST_M:
             continue
         u = camera[0] * p[0] / p[2] + camera[2]
@@ -204,7 +205,7 @@ def _normal_equations(
             continue
         r = 1 / p[2] - value - du * (u - x) - dv * (v - y)
         residuals[m] = r
-        _jacobian(J, T_a_b, p, p, camera, True)
+        jacobian(J, T_a_b, p, p, camera, True)
         weight = 1 / (1 + (r / (CAUCHY_SIGMAS * scale)) ** 2) / sigma**2
         for i in range(6):
             row[i] = J[2, i] - du * J[0, i] - dv * J[1, i]

@@ -38,11 +38,21 @@ def gauss_newton(
 
 
 @njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
-def _inverse(T: Array) -> Array:
+def inverse(T: Array) -> Array:
+    """See `vnav.core.se3.inverse`."""
     result = np.eye(4)
     R = np.ascontiguousarray(T[:3, :3].T)
     result[:3, :3], result[:3, 3] = R, -R @ np.ascontiguousarray(T[:3, 3])
     return result
+
+
+@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+def transform(p: Array, T: Array, point: Array) -> None:
+    """Move a point (3,) by T into p, in place."""
+    for k in range(3):
+        p[k] = T[k, 3]
+        for n in range(3):
+            p[k] += T[k, n] * point[n]
 
 
 @njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
@@ -72,15 +82,12 @@ def _normal_equations(
 ) -> tuple[Array, Array, Array]:
     H, g, squared = np.zeros((6, 6)), np.zeros(6), np.full(len(source), np.inf)
     p, e, S, J = np.empty(3), np.empty(3), np.empty((3, 3)), np.empty((3, 6))
-    T_b_a = _inverse(T_a_b)
+    T_b_a = inverse(T_a_b)
     for m in range(len(source)):
         T, here, there = (T_b_a, cameras[0], cameras[1])
         if not forward[m]:
             T, here, there = (T_a_b, cameras[1], cameras[0])
-        for k in range(3):
-            p[k] = T[k, 3]
-            for n in range(3):
-                p[k] += T[k, n] * source[m, n]
+        transform(p, T, source[m])
         if p[2] <= NEAREST_M:
             continue
         size = 3 if target[m, 2] > 0 else 2  # false for NaN
@@ -89,9 +96,9 @@ def _normal_equations(
         e[2] = 1 / p[2] - target[m, 2]
         _covariance(S, T, source[m], p, here, there, variances)
         if forward[m]:
-            _jacobian(J, T_a_b, p, p, there, True)
+            jacobian(J, T_a_b, p, p, there, True)
         else:
-            _jacobian(J, T_a_b, source[m], p, there, False)
+            jacobian(J, T_a_b, source[m], p, there, False)
         _whiten(S, e, J, size)
         squared[m] = 0.0
         for k in range(size):
@@ -132,7 +139,7 @@ def _covariance(
 
 
 @njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
-def _jacobian(
+def jacobian(
     J: Array, T_a_b: Array, point_b: Array, p: Array, camera: Array, forward: bool
 ) -> None:
     """Derivative (3, 6) of (u, v, 1/z) at p by the tangent at ``T_a_b``, rotation first.

@@ -11,6 +11,7 @@ from vnav.core import se3
 from vnav.core.association import associate, span
 from vnav.core.frame import Edge, Frame
 from vnav.core.mapping import LOST, FrameTable, Keyframe, Odometry
+from vnav.core.robust import robust_sigma
 from vnav.core.trajectory import Trajectory
 from vnav.errors import CaptureError, TrajectoryError
 from vnav.registration import Sensor, matches_near
@@ -19,7 +20,6 @@ Array = NDArray[np.float64]
 NO_POSE = "no pose given"
 LEAST_SHARE = 0.1  # of the frames: with fewer, the clocks are not the same
 SIGMAS = np.repeat([0.001, 0.001], 3)  # rad, m: of the motion between neighbours
-MEDIAN_TO_SIGMA = 1.4826  # of a normal distribution
 ENOUGH = 10  # closures; fewer tell no noise
 LARGEST = np.array([0.1, 0.3])  # rad, m: poses farther off are not noisy but wrong
 
@@ -66,8 +66,7 @@ def _scatter(T_world_camera: Array, closures: Sequence[Edge]) -> tuple[Array, Ar
     off = np.stack([se3.log_so3(error[:, :3, :3]), error[:, :3, 3]], 1)
     covariance = np.linalg.inv(np.stack([e.information for e in closures]))
     variance = np.diagonal(covariance, axis1=1, axis2=2).reshape(-1, 2, 3)
-    scatter = MEDIAN_TO_SIGMA * np.median(np.abs(off), axis=(0, 2))
-    return scatter, np.sqrt(np.median(variance, axis=(0, 2)))
+    return robust_sigma(off, axis=(0, 2)), np.sqrt(np.median(variance, axis=(0, 2)))
 
 
 class Follower:
