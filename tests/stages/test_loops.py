@@ -14,7 +14,7 @@ from vnav.core.camera import Intrinsics
 from vnav.core.frame import Edge
 from vnav.core.mapping import FrameTable, LoopVerdict, Odometry
 from vnav.core.tree import VocabularyTree
-from vnav.io.artifacts import load_loop_edges, load_loops, load_odometry, map_camera
+from vnav.io.artifacts import load_loop_edges, load_loops
 from vnav.io.map_folder import MapFolder
 from vnav.io.trajectories import read_tum
 from vnav.io.tree_file import load_tree
@@ -24,23 +24,8 @@ CONFIG = Config()
 
 
 @pytest.fixture(scope="module")
-def folder(tiny_map: Path) -> MapFolder:
-    return MapFolder(tiny_map)
-
-
-@pytest.fixture(scope="module")
-def odometry(folder: MapFolder) -> Odometry:
-    return load_odometry(folder)
-
-
-@pytest.fixture(scope="module")
 def tree(folder: MapFolder) -> VocabularyTree:
     return load_tree(folder)
-
-
-@pytest.fixture(scope="module")
-def camera(folder: MapFolder) -> Intrinsics:
-    return map_camera(folder)
 
 
 @pytest.fixture(scope="module")

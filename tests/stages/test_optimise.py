@@ -19,7 +19,6 @@ from vnav.io.artifacts import (
     load_loop_edges,
     load_odometry,
     load_optimised,
-    map_camera,
     save_loops,
     save_odometry,
 )
@@ -31,21 +30,6 @@ from vnav.stages import odometry as odometry_stage
 from vnav.synthetic import MINIATURE, one_room
 
 CONFIG = Config()
-
-
-@pytest.fixture(scope="module")
-def folder(tiny_map: Path) -> MapFolder:
-    return MapFolder(tiny_map)
-
-
-@pytest.fixture(scope="module")
-def odometry(folder: MapFolder) -> Odometry:
-    return load_odometry(folder)
-
-
-@pytest.fixture(scope="module")
-def camera(folder: MapFolder) -> Intrinsics:
-    return map_camera(folder)
 
 
 @pytest.fixture(scope="module")
