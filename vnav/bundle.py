@@ -169,11 +169,12 @@ def adjust(
     params = gtsam.LevenbergMarquardtParams()
     params.setMaxIterations(iterations)
     params.setRelativeErrorTol(CONVERGED)
+    params.setOrdering(_points_first(seen, edges))
     values = gtsam.LevenbergMarquardtOptimizer(graph, values, params).optimize()
     poses, points = initial.T_world_camera.copy(), initial.points_world.copy()
     for k in () if prior and prior.fixed else _cameras(seen, edges):
         poses[k] = values.atPose3(_pose(k)).matrix()
-    for n in np.unique(seen.landmark):
+    for n in _distinct(seen.landmark):
         points[n] = values.atPoint3(_point(n))
     return Bundle(poses, points)
 
@@ -213,7 +214,7 @@ def _problem(
     cameras = _cameras(seen, edges)
     for k in cameras:
         values.insert(_pose(k), gtsam.Pose3(bundle.T_world_camera[k]))
-    for n in np.unique(seen.landmark):
+    for n in _distinct(seen.landmark):
         values.insert(_point(n), bundle.points_world[n])
     held = prior or Prior(bundle.T_world_camera, np.zeros(6), fixed=True)
     sigmas = np.full(6, EXACT_SIGMA) if held.fixed else np.maximum(held.sigmas, PRIOR_SIGMA)
@@ -227,9 +228,24 @@ def _problem(
     return graph, values
 
 
-def _cameras(seen: Observations, edges: Sequence[Edge]) -> NDArray[np.int64]:
-    joined = np.array([[e.i, e.j] for e in edges], np.int64).ravel()
-    return np.unique(np.concatenate([seen.camera.astype(np.int64), joined]))
+def _points_first(seen: Observations, edges: Sequence[Edge]) -> Any:
+    """Eliminate the points, each of which its cameras alone hold, then the cameras."""
+    ordering = gtsam.Ordering()
+    for n in _distinct(seen.landmark):
+        ordering.push_back(_point(n))
+    for k in _cameras(seen, edges):
+        ordering.push_back(_pose(k))
+    return ordering
+
+
+def _cameras(seen: Observations, edges: Sequence[Edge]) -> NDArray[np.intp]:
+    joined = np.array([[e.i, e.j] for e in edges], np.int32).ravel()
+    return _distinct(np.concatenate([seen.camera, joined]))
+
+
+def _distinct(rows: NDArray[np.int32]) -> NDArray[np.intp]:
+    """The rows (M,) that occur, ascending."""
+    return np.flatnonzero(np.bincount(rows))
 
 
 def _add_observations(graph: Any, seen: Observations, model: SensorModel) -> None:

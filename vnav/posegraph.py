@@ -17,6 +17,7 @@ Array = NDArray[np.float64]
 NEAR_M, NEAR_RAD = 0.3, 0.2  # two closures that place a segment alike
 AGREEING = 3  # closures between captures: one that is wrong has nothing there to contradict it
 INLIER_PROBABILITY = 0.9999  # of a right closure to pass the chi-squared test
+STEP_CONVERGED = 1e-3  # relative decrease of the error within a step of GNC; a last fit is exact
 
 
 @dataclass(frozen=True)
@@ -209,7 +210,9 @@ def self_test() -> None:
 
 
 def _graduated(graph: Any, values: Any, closures: int) -> tuple[Any, NDArray[np.bool_]]:
-    params = gtsam.GncLMParams(gtsam.LevenbergMarquardtParams())
+    step = gtsam.LevenbergMarquardtParams()
+    step.setRelativeErrorTol(STEP_CONVERGED)
+    params = gtsam.GncLMParams(step)
     params.setLossType(gtsam.GncLossType.TLS)
     params.setKnownInliers(list(range(graph.size() - closures)))
     optimizer = gtsam.GncLMOptimizer(graph, values, params)

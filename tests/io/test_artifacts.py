@@ -164,7 +164,7 @@ def test_depth_beyond_what_is_stored_is_not_wrapped_to_near(folder: MapFolder) -
 
 
 def test_a_missing_keyframe_image_is_named(folder: MapFolder) -> None:
-    with pytest.raises(MapError, match=r"expected the keyframe images .*000002\.jpg"):
+    with pytest.raises(MapError, match=r"expected a keyframe's image in .*000002\.jpg"):
         artifacts.load_keyframe(folder, 2, odometry().frames)
 
 

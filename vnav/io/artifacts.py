@@ -98,17 +98,27 @@ def _write_image(path: Path, image: NDArray[Any], *parameters: int) -> None:
 
 def load_keyframe(folder: MapFolder, row: int, frames: FrameTable) -> Frame:
     """A keyframe's colour and depth by its row in the frame table; MapError where missing."""
-    path = folder.root / "odometry" / "keyframes" / f"{row:06d}"
-    color = cv2.imread(f"{path}.jpg", cv2.IMREAD_COLOR_RGB)
-    depth = cv2.imread(f"{path}.png", cv2.IMREAD_UNCHANGED)
-    if color is None or depth is None:
+    color = _keyframe_image(folder, row, "jpg", cv2.IMREAD_COLOR_RGB)
+    key = int(frames.capture[row]), int(frames.index[row])
+    depth_m = load_keyframe_depth(folder, row)
+    return Frame(*key, float(frames.stamp_s[row]), color.astype(np.uint8), depth_m)
+
+
+def load_keyframe_depth(folder: MapFolder, row: int) -> NDArray[np.float32]:
+    """A keyframe's depth (H, W) in metres, 0 where there is none; MapError where missing."""
+    depth = _keyframe_image(folder, row, "png", cv2.IMREAD_UNCHANGED)
+    return np.asarray(depth / np.float32(DEPTH_UNITS_PER_METRE))
+
+
+def _keyframe_image(folder: MapFolder, row: int, kind: str, flags: int) -> Any:
+    path = folder.root / "odometry" / "keyframes" / f"{row:06d}.{kind}"
+    image = cv2.imread(str(path), flags)
+    if image is None:
         raise MapError(
-            f"expected the keyframe images {path}.jpg and .png, found none that can be read;"
+            f"expected a keyframe's image in {path}, found none that can be read;"
             " build the map anew with 'vnav build-map CAPTURE --fresh'"
         )
-    depth_m = depth.astype(np.float32) / DEPTH_UNITS_PER_METRE
-    key = int(frames.capture[row]), int(frames.index[row])
-    return Frame(*key, float(frames.stamp_s[row]), color.astype(np.uint8), depth_m)
+    return image
 
 
 def save_loops(

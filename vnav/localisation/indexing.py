@@ -147,7 +147,7 @@ def _neighbours(
     _, near = cKDTree(points).query(points, min(2 * count, len(points)), workers=-1)
     near = near.reshape(len(points), -1)
     together = beside[home[:, None], home[near]]
-    place = np.cumsum(together, 1) - 1
+    place = np.cumsum(together, 1, dtype=np.int32) - 1
     row, column = np.nonzero(together & (place < count))
     found[row, place[row, column]] = near[row, column]
     return found.astype(np.int32)

@@ -18,6 +18,7 @@ Array = NDArray[np.float64]
 Rows = NDArray[np.intp]
 OUTLIER_SIGMAS_SQUARED = 16.3  # chi-squared, 3 degrees of freedom: 99.9 %
 FIRST_SLACK = 9.0  # the first poses' errors exceed the noise: outliers go step by step
+ROUGH_ITERATIONS = 4  # of a round that another one follows
 HELD_SIGMAS = np.array([0.01, 0.01, 0.01, 0.03, 0.03, 0.03])  # rad, m: of a weak keyframe's edge
 
 
@@ -85,11 +86,13 @@ def adjust_landmarks(
     bundle = Bundle(T_world_camera, points)
     sharp, rms = model, []
     for k in range(config.bundle_rounds):
+        last = k == config.bundle_rounds - 1
+        iterations = config.bundle_iterations if last else ROUGH_ITERATIONS
         inliers = _inliers(bundle, tracks, rows, sharp, FIRST_SLACK if k == 0 else 1.0)
         shared = _shared(tracks.seen, inliers)
         held = _weak_edges(T_world_camera, joined, tracks.seen[shared], config)
         rms.append(model.rms_px(bundle, tracks.seen[shared]))
-        bundle = adjust(bundle, tracks.seen[shared], held, sharp, config.bundle_iterations, prior)
+        bundle = adjust(bundle, tracks.seen[shared], held, sharp, iterations, prior)
         bundle = _lift_alone(bundle, tracks, inliers, shared)
         all_shared = _shared(tracks.seen, _inliers(bundle, tracks, rows, model, 1.0))
         sharp = model.fitted(bundle, tracks.seen[all_shared])

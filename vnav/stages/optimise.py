@@ -17,7 +17,7 @@ from vnav.core.progress import Progress, silent
 from vnav.core.report import Report
 from vnav.core.trajectory import Trajectory
 from vnav.io.artifacts import (
-    load_keyframe,
+    load_keyframe_depth,
     load_loop_edges,
     load_loops,
     load_odometry,
@@ -84,7 +84,7 @@ def stand_up(
     T_any_camera = solved.adjusted.T_world_camera
     numbers = np.flatnonzero(np.isfinite(T_any_camera[:, 0, 0]))
     rows = [odometry.keyframes[k].row for k in numbers]
-    depths = [load_keyframe(folder, row, odometry.frames).depth_m for row in rows]
+    depths = (load_keyframe_depth(folder, row) for row in rows)
     intrinsics = [cameras[odometry.frames.capture[row]] for row in rows]
     surface = seen_surface(depths, intrinsics, T_any_camera[numbers], config.odometry.max_depth_m)
     rng = np.random.default_rng([config.seed, 2])

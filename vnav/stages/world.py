@@ -1,6 +1,6 @@
 """The world frame: z up, floor at z = 0, x along the walls."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from vnav.core import se3
 from vnav.core.camera import Intrinsics
 from vnav.core.mapping import World
+from vnav.volumes.cloud import first_in_voxel
 
 Array = NDArray[np.float64]
 COLUMNS = 80  # of sampled pixels in an image; normals reach from one to the next
@@ -80,7 +81,7 @@ def kept_world(T_world_before: Array, T_any_camera: Array) -> Array:
 
 
 def seen_surface(
-    depths: Sequence[NDArray[np.float32]],
+    depths: Iterable[NDArray[np.float32]],
     cameras: Sequence[Intrinsics],
     T_any_camera: Array,
     max_depth_m: float,
@@ -91,9 +92,7 @@ def seen_surface(
         for depth, camera, T in zip(depths, cameras, T_any_camera, strict=True)
     ]
     both = np.concatenate([np.zeros((0, 6)), *parts])
-    _, first = np.unique(
-        np.floor(both[:, :3] / VOXEL_M).astype(np.int64), axis=0, return_index=True
-    )
+    first = first_in_voxel(both[:, :3], VOXEL_M)
     return Surface(both[first, :3], both[first, 3:])
 
 

@@ -8,7 +8,6 @@ from vnav.core.cloud import PointCloud
 
 LIKE_NEIGHBOURS = 3  # of 8: fewer make a pixel an isolated one; a line two pixels wide stays
 KEY_BITS = 21  # a voxel's key holds three coordinates of 21 bits: 10 km either way at 1 cm
-INDEX_BITS = 22  # beside a key that counts from a scan's corner: images up to 4 megapixels
 NOTHING = np.zeros(0, np.int64), np.zeros((0, 7))
 
 
@@ -28,19 +27,17 @@ def filter_depth(depth_m: NDArray[np.float32], config: FuseConfig) -> NDArray[np
 
 
 def first_in_voxel(points: NDArray[np.floating], voxel_m: float) -> NDArray[np.intp]:
-    """Rows of the first point in each voxel that has any, ordered by voxel.
-
-    Of points (N, 3) of one scan, at most 4 million.
-    """
+    """Rows of the first of points (N, 3) in each voxel that has any, ordered by voxel."""
     if not len(points):
         return np.zeros(0, np.intp)
     corners = np.floor(np.ascontiguousarray(points.T) / voxel_m).astype(np.int64)
     x, y, z = corners - corners.min(1, keepdims=True)
     key = (x * (y.max() + 1) + y) * (z.max() + 1) + z
-    order = np.sort(key << INDEX_BITS | np.arange(len(key)))
-    key = order >> INDEX_BITS
+    bits = len(key).bit_length()  # beside a key that counts from the corner: sorted as one number
+    order = np.sort(key << bits | np.arange(len(key)))
+    key = order >> bits
     first = np.r_[True, key[1:] != key[:-1]]
-    return np.asarray(order[first] & ((1 << INDEX_BITS) - 1))
+    return np.asarray(order[first] & ((1 << bits) - 1))
 
 
 class VoxelCloud:
