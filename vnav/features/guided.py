@@ -6,8 +6,6 @@ from numpy.typing import NDArray
 
 from vnav.core.frame import Features
 
-PART = 32  # of a descriptor: compared first, and no further where it is too far off already
-
 
 def match_near(
     a: Features,
@@ -60,7 +58,7 @@ def _match_near(
             dx, dy = px[k, 0] - x, heights[k] - y
             if dx * dx + dy * dy > radius * radius:
                 continue
-            squared = _squared_distance(descriptors_a[i], described[k], second)
+            squared = _squared_distance(descriptors_a[i], described[k])
             if squared < first:
                 nearest, first, second = k, squared, first
             elif squared < second:
@@ -76,15 +74,10 @@ def _match_near(
 
 
 @njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
-def _squared_distance(a: NDArray[np.uint8], b: NDArray[np.uint8], most: float) -> float:
-    """Squared distance of two descriptors; more than ``most`` where the first parts exceed it."""
-    total = 0.0
-    for start in range(0, len(a), PART):
-        part = np.int32(0)
-        for d in range(start, min(start + PART, len(a))):
-            difference = np.int32(a[d]) - np.int32(b[d])
-            part += difference * difference
-        total += part
-        if total > most:
-            break
-    return total
+def _squared_distance(a: NDArray[np.uint8], b: NDArray[np.uint8]) -> float:
+    """Exact, and without a way out of the loop, so that it is done many bytes at a time."""
+    total = np.int32(0)
+    for d in range(len(a)):
+        difference = np.int32(a[d]) - np.int32(b[d])
+        total += difference * difference
+    return float(total)
