@@ -78,7 +78,7 @@ class VocabularyConfig:
 
     branching: int = 10
     max_levels: int = 5
-    max_descriptors: int = 200_000
+    max_descriptors: int = 500_000  # a word of a large map holds as few landmarks as one of a small
     min_leaf: int = 50  # a node with fewer is not split: smaller ones cost most of the time
 
 
@@ -138,7 +138,7 @@ class LocateConfig:
     max_size_px: int = 1600  # the longer side of a photo; larger ones are scaled down
     max_features: int = 3000
     min_features: int = 30
-    level_2d_3d: int = 4  # counted from the root = 0, clamped to the tree
+    level_2d_3d: int = 5  # counted from the root = 0, clamped to the tree
     level_3d_2d: int = 2
     ratio_2d_3d: float = 0.75
     ratio_3d_2d: float = 0.75
