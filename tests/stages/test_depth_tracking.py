@@ -74,13 +74,6 @@ def test_no_more_frames_in_a_row_are_followed_than_allowed(
     assert tracker.edges(4, frames[4], sensor, motions[2]) == []
 
 
-def test_another_capture_is_not_followed_on(
-    frames: list[Frame], motions: list[np.ndarray], sensor: Sensor
-) -> None:
-    other = dataclasses.replace(frames[3], capture=1)
-    assert seen(frames[:3]).edges(3, other, sensor, motions[1]) == []
-
-
 def test_without_a_prediction_nothing_is_followed(frames: list[Frame], sensor: Sensor) -> None:
     assert seen(frames[:3]).edges(3, frames[3], sensor, None) == []
     assert DepthTracker(CONFIG.odometry).last is None

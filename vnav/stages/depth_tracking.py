@@ -47,9 +47,7 @@ class DepthTracker:
             return []
         last_row, last = self._last
         step_s = frame.stamp_s - last.stamp_s
-        if last.capture != frame.capture or not self._steps_s:
-            return []
-        if step_s > LONGEST_STEP * float(np.median(self._steps_s)):
+        if not self._steps_s or step_s > LONGEST_STEP * float(np.median(self._steps_s)):
             return []
         before, now = (
             np.where(f.depth_m <= self._farthest_m, f.depth_m, np.float32(0)) for f in (last, frame)
@@ -62,6 +60,6 @@ class DepthTracker:
 
     def took(self, row: int, frame: Frame, alone: bool) -> None:
         """Remember a tracked frame, and whether depth alone told its motion."""
-        if self._last is not None and self._last[1].capture == frame.capture:
+        if self._last is not None:
             self._steps_s.append(frame.stamp_s - self._last[1].stamp_s)
         self._last, self._alone = (row, frame), self._alone + 1 if alone else 0
