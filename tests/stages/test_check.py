@@ -11,7 +11,7 @@ from vnav.cli import main as entry
 from vnav.config import CaptureConfig
 from vnav.errors import CaptureError
 from vnav.io.capture import Capture, open_capture
-from vnav.stages.capture_quality import blur
+from vnav.stages.capture_quality import BLURRED, blur
 from vnav.stages.check import inspect, problems, require_usable, summary
 
 FRAMES, WIDTH, HEIGHT = 6, 160, 120
@@ -207,6 +207,15 @@ def test_blur_grows_with_the_smear_and_a_blank_image_has_none() -> None:
     smeared = [blur(cv2.blur(grey, (length, 1))) for length in (1, 5, 9, 17)]
     assert smeared == sorted(smeared)
     assert blur(np.full((120, 160), 7, np.uint8)) == 0.0
+
+
+@pytest.mark.parametrize("sigma", [5, 15, 30])
+def test_blur_is_seen_however_heavy_it_is(sigma: float) -> None:
+    # Where hardly anything is left, the steps of 8-bit grey levels look like sharp edges.
+    rng = np.random.default_rng(0)
+    scene = cv2.resize(rng.uniform(0, 255, (6, 8)).astype(np.float32), (640, 480))
+    blurred = cv2.GaussianBlur(np.where(scene > 128, 150.0, 100.0), (0, 0), sigma)
+    assert blur(np.rint(blurred).astype(np.uint8)) > BLURRED
 
 
 def test_the_summary_tells_counts_depth_and_truth(folder: Folder) -> None:
