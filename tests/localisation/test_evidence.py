@@ -8,6 +8,7 @@ from vnav.localisation.evidence import (
     COLUMNS,
     RATES,
     ROWS,
+    TRIES,
     Evidence,
     cells_of,
     counted,
@@ -53,13 +54,33 @@ def test_as_many_in_one_corner_speak_for_it_less_than_everywhere(scene):
     assert chance(scene, np.sort(corner)) < 0.7 < 0.95 < chance(scene, everywhere)
 
 
-def test_where_the_map_predicts_nothing_the_chances_are_even(scene):
+def test_where_the_map_predicts_nothing_a_pose_is_one_of_many_tries(scene):
     """A pose that hides everything has nothing to show for it."""
     photo, prediction = scene
     none = Hits(np.arange(0), np.arange(0), np.zeros(0, np.float32), np.zeros(0))
     nowhere = prediction[np.zeros(len(prediction), bool)]
     found = evidence(counted(nowhere, none, photo))
-    assert posterior([found])[0] == pytest.approx(0.5)
+    assert posterior([found])[0] == pytest.approx(1 / (1 + TRIES))
+
+
+@pytest.mark.parametrize(
+    ("found", "predicted"),
+    [
+        # Many matches along two lines, of far more that should be there.
+        ([8, 1, 6, 1, 3, 13, 10, 0, 0, 0, 0, 0], [75, 60, 119, 144, 40, 59, 68, 33, 14, 66, 7, 8]),
+        # A few in a corner, of a view that hardly sees the map.
+        ([2, 9, 2, 0, 0, 0, 0, 0], [18, 38, 11, 9, 7, 12, 7, 3]),
+    ],
+)
+def test_what_chance_finds_in_a_few_cells_is_not_enough(found, predicted):
+    """Such poses came out best for photos from elsewhere."""
+    assert posterior([evidence(np.array([found, predicted]))])[0] < 0.8
+
+
+def test_the_same_share_found_in_every_cell_is_enough():
+    predicted = np.array([75, 60, 119, 144, 40, 59, 68, 33, 14, 66, 7, 8] * 3)
+    cells = np.stack([np.rint(0.09 * predicted).astype(int), predicted])
+    assert posterior([evidence(cells)])[0] > 0.95
 
 
 def test_where_the_photo_shows_nothing_nothing_is_missed(scene):
@@ -89,10 +110,10 @@ def test_few_found_in_few_cells_speak_against_a_pose():
     assert posterior([evidence(np.stack([found, predicted]))])[0] < 0.2
 
 
-def test_half_a_view_behind_something_unknown_leaves_a_pose_likely():
+def test_a_third_of_a_view_behind_something_unknown_leaves_a_pose_sure():
     predicted = np.full(CELLS, 20)
-    found = np.where(np.arange(CELLS) % 2, 9, 0)
-    assert posterior([evidence(np.stack([found, predicted]))])[0] > 0.5
+    found = np.where(np.arange(CELLS) % 3, 9, 0)
+    assert posterior([evidence(np.stack([found, predicted]))])[0] > 0.95
 
 
 def test_two_places_that_show_the_same_share_the_chances():
@@ -110,7 +131,7 @@ def test_a_rival_of_which_half_is_missing_is_hardly_one():
 def test_the_chances_of_all_places_and_of_none_add_up():
     one = np.zeros(len(RATES))
     places = [Evidence(one + 3, one + 1, one + 0.5), Evidence(one + 2, one + 1.5, one + 0.2)]
-    odds = [exp(3.0 - 1.0), exp(2.0 - 1.5), exp(0.5 - 1.0)]
+    odds = [exp(3.0 - 1.0), exp(2.0 - 1.5), TRIES * exp(0.5 - 1.0)]
     np.testing.assert_allclose(posterior(places), np.array(odds[:2]) / sum(odds))
     assert len(posterior([])) == 0
 

@@ -4,9 +4,10 @@ The image is cut into cells. In each, the map predicts landmarks, of which the p
 cell either looks as predicted, and then a share of its landmarks is found, or it does not (the pose
 is wrong, or something stands there now, or it is too dark), and then next to none is. How large the
 share is depends on camera, exposure and map, not on the place: it is the photo's own, unknown, and
-integrated out. Nearly all cells of a right pose look as predicted; of a rival, a place of the map
-that repeats things (windows, shelves), perhaps half of them do; of the best pose in a map that does
-not hold the place, hardly any. How many is told by three distributions of the share of cells, which
+integrated out; a small one is rare, and what chance matches make of a wrong pose. Nearly all cells
+of a right pose look as predicted; of a rival, a place of the map that repeats things (windows,
+shelves), perhaps half of them do; in a map that does not hold the place, hardly any, but there the
+pose is the best of many tries. How many is told by three distributions of the share of cells, which
 is integrated out, too: cells of one photo stand and fall together.
 
 The constants are fitted on synthetic scenes; benchmarks/calibrate_confidence.py checks them, and
@@ -30,6 +31,8 @@ COLUMNS, ROWS = 8, 6
 LEAST = 3  # landmarks, and features, in a cell that says anything
 SHARES = (np.arange(20) + 0.5) / 20  # of cells
 RATES = np.geomspace(0.04, 0.7, 12)  # of landmarks found, where a photo looks as predicted
+OF_PHOTOS = (3.0, 5.0)  # Beta parameters of that rate over photos
+TRIES = 5.0  # poses that the best one is chosen from where none is right
 
 
 @dataclass(frozen=True)
@@ -45,7 +48,7 @@ class Odds:
     cells_if_right: Beta = (7.9, 0.28)
     cells_of_rival: Beta = (0.87, 2.0)
     cells_elsewhere: Beta = (0.5, 12.0)
-    unmapped_rival: float = 0.01  # share of unmapped places that look like a rival
+    unmapped_rival: float = 0.002  # share of unmapped places that look like a rival
 
 
 @dataclass(frozen=True)
@@ -62,7 +65,8 @@ class Evidence:
     @property
     def strength(self) -> float:
         """How much (nats) it speaks for the pose rather than for a rival."""
-        return float(_log_sum(self.right) - _log_sum(self.rival))
+        prior = _log_prior()
+        return float(_log_sum(self.right + prior) - _log_sum(self.rival + prior))
 
 
 def counted(prediction: Prediction, hits: Hits, photo: Photo) -> NDArray[np.intp]:
@@ -103,8 +107,8 @@ def posterior(places: Sequence[Evidence]) -> Array:
         return np.zeros(0)
     rivals = np.sum([place.rival for place in places], axis=0)
     right = [place.right - place.rival for place in places]
-    none = places[0].elsewhere - places[0].rival
-    scores = _log_sum((rivals + np.stack([*right, none])).T)
+    none = places[0].elsewhere - places[0].rival + np.log(TRIES)
+    scores = _log_sum((rivals + np.stack([*right, none]) + _log_prior()).T)
     return np.asarray(np.exp(scores - _log_sum(scores))[:-1])
 
 
@@ -130,6 +134,13 @@ def _log_rising(start: float, last: int) -> Array:
 def _log_weights(beta: Beta) -> Array:
     weights = (beta[0] - 1) * np.log(SHARES) + (beta[1] - 1) * np.log(1 - SHARES)
     return np.asarray(weights - _log_sum(weights))
+
+
+def _log_prior() -> Array:
+    """Log probability of each of RATES, whose steps grow with them."""
+    a, b = OF_PHOTOS
+    density = a * np.log(RATES) + (b - 1) * np.log(1 - RATES)
+    return np.asarray(density - _log_sum(density))
 
 
 def _log_sum(logs: Array) -> Array:
