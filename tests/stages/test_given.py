@@ -24,7 +24,8 @@ from vnav.io.artifacts import (
 from vnav.io.capture import Capture, open_capture
 from vnav.io.map_folder import MapFolder
 from vnav.io.trajectories import read_tum
-from vnav.stages import loops, odometry, optimise, vocabulary
+from vnav.stages import loops, optimise, vocabulary
+from vnav.stages import odometry as odometry_stage
 from vnav.stages.given import NO_POSE, poses_at
 from vnav.synthetic import MINIATURE, one_room
 
@@ -49,15 +50,10 @@ def folder(
 ) -> MapFolder:
     """A map at the true poses but one, up to optimise."""
     folder = MapFolder.create(tmp_path_factory.mktemp("maps") / "given")
-    odometry.run(folder, capture, CONFIG, given=without(truth, WITHOUT))
+    odometry_stage.run(folder, capture, CONFIG, given=without(truth, WITHOUT))
     for stage in (vocabulary, loops, optimise):
         stage.run(folder, CONFIG)
     return folder
-
-
-@pytest.fixture(scope="module")
-def tracked(folder: MapFolder) -> Odometry:
-    return load_odometry(folder)
 
 
 @pytest.fixture(scope="module")
@@ -125,17 +121,17 @@ def test_every_pose_is_the_one_given(result: OptimisedMap, truth: Trajectory) ->
     np.testing.assert_array_equal(result.T_world_camera[known], truth.T_world_camera[known])
 
 
-def test_a_frame_without_a_pose_is_named(tracked: Odometry, result: OptimisedMap) -> None:
-    assert tracked.segment[WITHOUT] == LOST
-    assert [row for row, reason in enumerate(tracked.reasons) if reason] == [WITHOUT]
-    assert tracked.reasons[WITHOUT] == NO_POSE
+def test_a_frame_without_a_pose_is_named(odometry: Odometry, result: OptimisedMap) -> None:
+    assert odometry.segment[WITHOUT] == LOST
+    assert [row for row, reason in enumerate(odometry.reasons) if reason] == [WITHOUT]
+    assert odometry.reasons[WITHOUT] == NO_POSE
     assert np.isnan(result.T_world_camera[WITHOUT]).all()
 
 
 def test_keyframes_at_given_poses_are_fewer_than_frames_and_never_far_apart(
-    tracked: Odometry, truth: Trajectory
+    odometry: Odometry, truth: Trajectory
 ) -> None:
-    rows = np.array([k.row for k in tracked.keyframes])
+    rows = np.array([k.row for k in odometry.keyframes])
     assert 10 <= len(rows) <= 30
     T = truth.T_world_camera
     motion = se3.inverse(T[rows[:-1]]) @ T[rows[1:]]
@@ -147,27 +143,27 @@ def test_keyframes_at_given_poses_are_fewer_than_frames_and_never_far_apart(
     assert se3.rotation_angle(motion).max() < far_rad
 
 
-def test_given_poses_are_certain(result: OptimisedMap, tracked: Odometry) -> None:
-    assert result.keyframe_covariance.shape == (len(tracked.keyframes), 6, 6)
+def test_given_poses_are_certain(result: OptimisedMap, odometry: Odometry) -> None:
+    assert result.keyframe_covariance.shape == (len(odometry.keyframes), 6, 6)
     assert not result.keyframe_covariance.any()
 
 
-def with_noise(tracked: Odometry, sigmas: np.ndarray) -> Odometry:
+def with_noise(odometry: Odometry, sigmas: np.ndarray) -> Odometry:
     """Each pose off on its own."""
-    xi = sigmas * np.random.default_rng(0).standard_normal((len(tracked.frames), 6))
-    return dataclasses.replace(tracked, T_segment_camera=tracked.T_segment_camera @ se3.exp(xi))
+    xi = sigmas * np.random.default_rng(0).standard_normal((len(odometry.frames), 6))
+    return dataclasses.replace(odometry, T_segment_camera=odometry.T_segment_camera @ se3.exp(xi))
 
 
 @pytest.fixture(scope="module")
 def noisy(
-    folder: MapFolder, tracked: Odometry, tmp_path_factory: pytest.TempPathFactory
+    folder: MapFolder, odometry: Odometry, tmp_path_factory: pytest.TempPathFactory
 ) -> MapFolder:
     """The map with poses that are off by more than a closure's noise."""
     root = tmp_path_factory.mktemp("maps") / "noisy"
-    return remade(folder, with_noise(tracked, NOISE), root)
+    return remade(folder, with_noise(odometry, NOISE), root)
 
 
-def test_noise_of_given_poses_is_measured_and_said(noisy: MapFolder, tracked: Odometry) -> None:
+def test_noise_of_given_poses_is_measured_and_said(noisy: MapFolder, odometry: Odometry) -> None:
     report = optimise.run(noisy, CONFIG)
     result = load_optimised(noisy)
     poses = load_odometry(noisy).T_segment_camera
@@ -182,7 +178,7 @@ def test_noise_of_given_poses_is_measured_and_said(noisy: MapFolder, tracked: Od
 
 
 def test_poses_that_are_a_prior_are_adjusted_towards_the_truth(
-    noisy: MapFolder, tracked: Odometry, truth: Trajectory
+    noisy: MapFolder, odometry: Odometry, truth: Trajectory
 ) -> None:
     config = Config(CONFIG.seed, optimise=OptimiseConfig(given_poses="prior"))
     optimise.run(noisy, config)
@@ -196,7 +192,7 @@ def test_poses_that_are_a_prior_are_adjusted_towards_the_truth(
     given = load_odometry(noisy).T_segment_camera
     # A score of keyframes, each with noise of its own, hold the map together: the mean is left.
     assert off_m(result.T_world_camera) < 0.5 * off_m(given)
-    rows = [k.row for k in tracked.keyframes]
+    rows = [k.row for k in odometry.keyframes]
     error = se3.inverse(truth.T_world_camera[rows]) @ result.T_world_camera[rows]
     xi = np.concatenate([se3.log_so3(error[:, :3, :3]), error[:, :3, 3]], 1)
     normalised = np.einsum("ki,kij,kj->k", xi, np.linalg.inv(result.keyframe_covariance), xi) / 6
@@ -210,13 +206,13 @@ def test_another_word_for_given_poses_is_refused(folder: MapFolder) -> None:
 
 
 def test_landmarks_at_given_poses_lie_on_the_surfaces_of_the_room(
-    result: OptimisedMap, tracked: Odometry, truth: Trajectory
+    result: OptimisedMap, odometry: Odometry, truth: Trajectory
 ) -> None:
     # As in test_optimise: nearly all noise is along the ray; 95 % within two standard deviations,
     # less those at edges.
     room, landmarks, off = one_room(MINIATURE.seed), result.landmarks, []
     for k in (1, 6, 11):
-        T = truth.T_world_camera[tracked.keyframes[k].row]
+        T = truth.T_world_camera[odometry.keyframes[k].row]
         depth = room.render_depth(MINIATURE.camera, T)
         seen = landmarks.landmark[landmarks.keyframe == k]
         in_camera = se3.transform(se3.inverse(T), landmarks.points_world[seen])
@@ -240,11 +236,11 @@ def test_the_world_is_the_one_given_and_its_floor_is_checked(result: OptimisedMa
 
 
 def test_a_given_world_that_lies_otherwise_is_kept_and_doubted(
-    folder: MapFolder, tracked: Odometry, tmp_path: Path
+    folder: MapFolder, odometry: Odometry, tmp_path: Path
 ) -> None:
     raised = se3.make(se3.exp_so3([np.deg2rad(10), 0, 0]), [0, 0, 3.0])
-    poses = raised @ tracked.T_segment_camera
-    other = remade(folder, dataclasses.replace(tracked, T_segment_camera=poses), tmp_path / "map")
+    poses = raised @ odometry.T_segment_camera
+    other = remade(folder, dataclasses.replace(odometry, T_segment_camera=poses), tmp_path / "map")
     report = optimise.run(other, CONFIG)
     result = load_optimised(other)
     np.testing.assert_array_equal(result.T_world_camera, poses)
@@ -254,10 +250,10 @@ def test_a_given_world_that_lies_otherwise_is_kept_and_doubted(
 
 
 def test_poses_that_contradict_the_images_are_told(
-    folder: MapFolder, tracked: Odometry, tmp_path: Path
+    folder: MapFolder, odometry: Odometry, tmp_path: Path
 ) -> None:
-    poses = se3.inverse(tracked.T_segment_camera)  # world to camera, as some files have it
-    other = remade(folder, dataclasses.replace(tracked, T_segment_camera=poses), tmp_path / "map")
+    poses = se3.inverse(odometry.T_segment_camera)  # world to camera, as some files have it
+    other = remade(folder, dataclasses.replace(odometry, T_segment_camera=poses), tmp_path / "map")
     report = optimise.run(other, CONFIG)
     assert any("contradict the images" in warning for warning in report.warnings)
 
@@ -273,7 +269,9 @@ def test_closures_that_agree_are_kept(folder: MapFolder) -> None:
 def test_an_unreadable_frame_is_lost_and_a_black_one_no_keyframe(
     capture: Capture, truth: Trajectory, tmp_path: Path
 ) -> None:
-    found = odometry.track(First(capture, black=1, unreadable=2), CONFIG, tmp_path, given=truth)
+    found = odometry_stage.track(
+        First(capture, black=1, unreadable=2), CONFIG, tmp_path, given=truth
+    )
     assert [bool(reason) for reason in found.reasons] == [False, False, True, False]
     assert "truncated" in found.reasons[2]
     np.testing.assert_array_equal(found.T_segment_camera[1], truth.T_world_camera[1])
@@ -286,16 +284,16 @@ def test_no_frame_with_features_is_an_error(
 ) -> None:
     few = dataclasses.replace(CONFIG, features=FeaturesConfig(max_features=5))
     with pytest.raises(CaptureError, match="expected frames with a given pose"):
-        odometry.track(First(capture), few, tmp_path, given=truth)
+        odometry_stage.track(First(capture), few, tmp_path, given=truth)
 
 
 def test_the_stage_is_made_anew_for_other_poses(
     capture: Capture, truth: Trajectory, tmp_path: Path
 ) -> None:
     folder, first = MapFolder.create(tmp_path / "map"), First(capture)
-    assert not odometry.run(folder, first, CONFIG, given=truth).reused
-    assert odometry.run(folder, first, CONFIG, given=truth).reused
+    assert not odometry_stage.run(folder, first, CONFIG, given=truth).reused
+    assert odometry_stage.run(folder, first, CONFIG, given=truth).reused
     shifted = Trajectory(truth.stamps_s, se3.make(np.eye(3), [1, 0, 0]) @ truth.T_world_camera)
-    assert not odometry.run(folder, first, CONFIG, given=shifted).reused
-    assert not odometry.run(folder, first, CONFIG).reused
+    assert not odometry_stage.run(folder, first, CONFIG, given=shifted).reused
+    assert not odometry_stage.run(folder, first, CONFIG).reused
     assert not load_odometry(folder).given
