@@ -32,6 +32,8 @@ LEAST = 3  # landmarks, and features, in a cell that says anything
 SHARES = (np.arange(20) + 0.5) / 20  # of cells
 RATES = np.geomspace(0.04, 0.7, 12)  # of landmarks found, where a photo looks as predicted
 OF_PHOTOS = (3.0, 5.0)  # Beta parameters of that rate over photos
+RATE_PRIOR = RATES ** OF_PHOTOS[0] * (1 - RATES) ** (OF_PHOTOS[1] - 1)  # their steps grow with them
+LOG_PRIOR = np.log(RATE_PRIOR / RATE_PRIOR.sum())
 TRIES = 5.0  # poses that the best one is chosen from where none is right
 
 
@@ -65,8 +67,7 @@ class Evidence:
     @property
     def strength(self) -> float:
         """How much (nats) it speaks for the pose rather than for a rival."""
-        prior = _log_prior()
-        return float(_log_sum(self.right + prior) - _log_sum(self.rival + prior))
+        return float(_log_sum(self.right + LOG_PRIOR) - _log_sum(self.rival + LOG_PRIOR))
 
 
 def counted(prediction: Prediction, hits: Hits, photo: Photo) -> NDArray[np.intp]:
@@ -108,7 +109,7 @@ def posterior(places: Sequence[Evidence]) -> Array:
     rivals = np.sum([place.rival for place in places], axis=0)
     right = [place.right - place.rival for place in places]
     none = places[0].elsewhere - places[0].rival + np.log(TRIES)
-    scores = _log_sum((rivals + np.stack([*right, none]) + _log_prior()).T)
+    scores = _log_sum((rivals + np.stack([*right, none]) + LOG_PRIOR).T)
     return np.asarray(np.exp(scores - _log_sum(scores))[:-1])
 
 
@@ -134,13 +135,6 @@ def _log_rising(start: float, last: int) -> Array:
 def _log_weights(beta: Beta) -> Array:
     weights = (beta[0] - 1) * np.log(SHARES) + (beta[1] - 1) * np.log(1 - SHARES)
     return np.asarray(weights - _log_sum(weights))
-
-
-def _log_prior() -> Array:
-    """Log probability of each of RATES, whose steps grow with them."""
-    a, b = OF_PHOTOS
-    density = a * np.log(RATES) + (b - 1) * np.log(1 - RATES)
-    return np.asarray(density - _log_sum(density))
 
 
 def _log_sum(logs: Array) -> Array:
