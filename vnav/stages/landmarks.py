@@ -86,6 +86,9 @@ def adjust_landmarks(
     bundle = Bundle(T_world_camera, points)
     sharp, rms = model, []
     for k in range(config.bundle_rounds):
+        if k > 0:
+            all_shared = _shared(tracks.seen, _inliers(bundle, tracks, rows, model, 1.0))
+            sharp = model.fitted(bundle, tracks.seen[all_shared])
         last = k == config.bundle_rounds - 1
         iterations = config.bundle_iterations if last else ROUGH_ITERATIONS
         inliers = _inliers(bundle, tracks, rows, sharp, FIRST_SLACK if k == 0 else 1.0)
@@ -94,8 +97,6 @@ def adjust_landmarks(
         rms.append(model.rms_px(bundle, tracks.seen[shared]))
         bundle = adjust(bundle, tracks.seen[shared], held, sharp, iterations, prior)
         bundle = _lift_alone(bundle, tracks, inliers, shared)
-        all_shared = _shared(tracks.seen, _inliers(bundle, tracks, rows, model, 1.0))
-        sharp = model.fitted(bundle, tracks.seen[all_shared])
     rows = _inliers(bundle, tracks, rows, model, 1.0)
     shared = _shared(tracks.seen, rows)
     rms.append(model.rms_px(bundle, tracks.seen[shared]))
