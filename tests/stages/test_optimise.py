@@ -317,7 +317,7 @@ def without(odometry: Odometry, rows: range) -> Odometry:
         segment=segment,
         edges=edges,
         keyframes=keyframes,
-        depth_edges=along(odometry, rows[0] - 1, rows[-1] + 1),
+        loose_edges=along(odometry, rows[0] - 1, rows[-1] + 1),
     )
 
 
@@ -340,14 +340,14 @@ def test_frames_that_depth_alone_joins_hang_between_their_neighbours(
 
 
 def test_a_long_part_is_not_joined_by_depth_alone(odometry: Odometry, camera: Intrinsics) -> None:
-    few = dataclasses.replace(CONFIG.odometry, max_depth_only_frames=1)
+    few = dataclasses.replace(CONFIG.odometry, max_loose_frames=1)
     config = dataclasses.replace(CONFIG, odometry=few)
     half = len(odometry.frames) // 2
     apart = dataclasses.replace(
         odometry,
         segment=(np.arange(len(odometry.frames)) >= half).astype(np.int32),
         edges=tuple(e for e in odometry.edges if (e.i < half) == (e.j < half)),
-        depth_edges=along(odometry, half - 1, half),
+        loose_edges=along(odometry, half - 1, half),
     )
     solved = solution.solve(apart, (), np.zeros((0, 4), np.int32), [camera], config)
     assert set(solved.others) == {"part_2"}

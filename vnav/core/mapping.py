@@ -99,8 +99,8 @@ class Odometry:
     where tracked; ``edges`` between rows; ``keyframes`` in order of row; ``given``: the poses come
     from outside and stay as they are, in the world that they were given in; ``T_world_before``
     (N, 4, 4): of a map that was extended, the poses it had before, whose world it keeps, NaN where
-    there was none; ``depth_edges``: by depth alone, where features
-    told no motion; they make no segments, and join no parts.
+    there was none; ``loose_edges``: by all pixels, of frames that neither features nor these hold
+    in every direction; they make no segments, and join no parts.
     """
 
     frames: FrameTable
@@ -111,7 +111,7 @@ class Odometry:
     keyframes: tuple[Keyframe, ...]
     given: bool = False
     T_world_before: NDArray[np.float64] | None = None
-    depth_edges: tuple[Edge, ...] = ()
+    loose_edges: tuple[Edge, ...] = ()
 
 
 @dataclass(frozen=True)

@@ -49,7 +49,7 @@ def save_odometry(draft: Path, odometry: Odometry) -> None:
     )
     write_text(draft / "lost.json", to_json({r: t for r, t in enumerate(odometry.reasons) if t}))
     save_arrays(draft / "edges.npz", **edges_to_arrays(odometry.edges))
-    save_arrays(draft / "depth_edges.npz", **edges_to_arrays(odometry.depth_edges))
+    save_arrays(draft / "loose_edges.npz", **edges_to_arrays(odometry.loose_edges))
     save_arrays(draft / "keyframes.npz", **_keyframes_to_arrays(odometry.keyframes))
 
 
@@ -67,7 +67,7 @@ def load_odometry(folder: MapFolder) -> Odometry:
         _keyframes_from_arrays(_load(stage / "keyframes.npz")),
         bool(frames.get("given", False)),
         frames.get("T_world_before"),
-        edges_from_arrays(_load(stage / "depth_edges.npz")),
+        edges_from_arrays(_load(stage / "loose_edges.npz")),
     )
 
 

@@ -147,7 +147,7 @@ def report(odometry: Odometry) -> Report:
     spans = frames.spans(odometry.reasons)
     tracked = odometry.reasons.count("")
     is_tracked = np.array([not reason for reason in odometry.reasons])
-    depth_only = int((is_tracked & (odometry.segment == LOST)).sum())
+    loose = int((is_tracked & (odometry.segment == LOST)).sum())
     segments = np.unique(odometry.segment[is_tracked & (odometry.segment != LOST)])
     values = {
         "frames": len(frames),
@@ -156,13 +156,13 @@ def report(odometry: Odometry) -> Report:
         "segments": len(segments),
         "keyframes": keyframes,
         "edges": len(odometry.edges),
-        "depth_only": depth_only,
+        "loose": loose,
         "features_median": float(np.median([len(k.features) for k in odometry.keyframes])),
     }
     how = "have a given pose" if odometry.given else "tracked"
     line = f"{tracked} of {len(frames)} frames {how}, {keyframes} keyframes"
-    if depth_only:
-        line += f", {depth_only} frames by depth alone"
+    if loose:
+        line += f", {loose} frames held loosely"
     if len(segments) > 1:
         line += f", in {len(segments)} segments"
     warnings = tuple(

@@ -71,7 +71,7 @@ def solve(
     adjusted = _adjust(poses, odometry, kept, matches, cameras, config)
     progress("optimise", 2, 3)
     poses = _carried(poses, adjusted, odometry, edges)
-    poses, others = _hung(poses, odometry, others, config.odometry.max_depth_only_frames)
+    poses, others = _hung(poses, odometry, others, config.odometry.max_loose_frames)
     progress("optimise", 3, 3)
     return Solved(poses, adjusted, graph, kept, others)
 
@@ -156,13 +156,13 @@ def _carried(poses: Array, adjusted: Adjusted, odometry: Odometry, edges: Sequen
 def _hung(
     poses: Array, odometry: Odometry, others: dict[str, NDArray[np.intp]], most: int
 ) -> tuple[Array, dict[str, NDArray[np.intp]]]:
-    """All poses, with those of frames that only depth joins to the rest; and the parts left.
+    """All poses, with those of frames that loose edges join to the rest; and the parts left.
 
-    Parts of more frames than ``most`` stay parts: nothing is built on depth alone.
+    Parts of more frames than ``most`` stay parts: nothing is built on loose edges.
     """
     large = [rows for rows in others.values() if len(rows) > most]
     apart = np.isin(np.arange(len(poses)), np.concatenate([[-1], *large]))
-    edges = [e for e in (*odometry.edges, *odometry.depth_edges) if not (apart[e.i] or apart[e.j])]
+    edges = [e for e in (*odometry.edges, *odometry.loose_edges) if not (apart[e.i] or apart[e.j])]
     held = np.flatnonzero(np.isfinite(poses[:, 0, 0]))
     poses = posegraph.reached(poses, edges)
     known = np.isfinite(poses[:, 0, 0])

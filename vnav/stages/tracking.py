@@ -1,4 +1,4 @@
-"""Following a camera frame by frame, by its features, else by its depth: claim 3, S3 to S6."""
+"""Following a camera frame by frame, by its features, else by all pixels: claim 3, S3 to S6."""
 
 from collections.abc import Iterator
 
@@ -13,7 +13,10 @@ from vnav.errors import CaptureError
 from vnav.features.appearance import signature
 from vnav.posegraph import chain
 from vnav.registration import Sensor, register
-from vnav.stages.depth_tracking import DepthTracker
+from vnav.registration.dense import DenseEstimate
+from vnav.stages.dense_tracking import DenseTracker, dense_edge
+
+WEAK_M = 0.004  # standard deviation; most frames' features tell their motion twice as well
 
 
 class Tracker:
@@ -26,29 +29,28 @@ class Tracker:
         self._previous: Keyframe | None = None
         self._motion = Motion()
         self._edges: list[Edge] = []
-        self._by_depth = DepthTracker(config.odometry)
-        self._depth_edges: list[Edge] = []
+        self._dense = DenseTracker(config.odometry)
+        self._loose_edges: list[Edge] = []
         self._reasons: dict[int, str] = {}
 
     def add(self, view: Keyframe, frame: Frame, sensor: Sensor) -> bool:
         """Follow the next frame; True where it is kept as a keyframe."""
         found = self._follow(view, sensor)
-        by_depth = self._edges_by_depth(view.row, frame, sensor, found)
+        dense = self._follow_densely(frame, sensor, found)
+        if dense and _are_weak(found):
+            self._motion.expect(dense.T_a_b)
+            found = self._from_nearest(view, sensor) or found
         lifted = int(view.has_depth.sum())
         featured = lifted >= sensor.config.min_inliers
-        self._depth_edges += by_depth
-        if not found and not by_depth and not featured:
+        if not found and not dense and not featured:
             self.skip(view.row, f"{lifted} features with depth")
             return False
-        if not found and not by_depth:
+        if not found and not dense:
             self._reasons[view.row] = "no frame before it matches"
-        for target, estimate in found.items():
-            self._edges.append(Edge(target, view.row, estimate.T_a_b, estimate.information))
-        motions = {row: estimate.T_a_b for row, estimate in found.items()}
-        self._motion.follow(view.row, motions or {edge.i: edge.T_i_j for edge in by_depth})
-        depth_only = bool(by_depth and not found)
-        self._by_depth.took(view.row, frame, depth_only)
-        new = not depth_only and self._is_keyframe(view, found)
+        self._join(view.row, found, dense)
+        loose = bool(dense and not dense.firm and not found)
+        new = featured and not loose and self._is_keyframe(view, found)
+        self._dense.took(view.row, frame, loose)
         if featured:
             self._previous = view
         if new:
@@ -64,12 +66,7 @@ class Tracker:
         """Estimates by row: last keyframe and predecessor; else recent ones; else alike ones."""
         if self._previous is None:
             return {}
-        first = {k.row: k for k in (*self._keyframes[-1:], self._previous)}
-        found = {
-            target.row: estimate
-            for target in first.values()
-            if isinstance(estimate := self._register(target, view, sensor), PoseEstimate)
-        }
+        found = self._from_nearest(view, sensor)
         others = () if found else self._others(view)
         for target in others:
             estimate = self._register(target, view, sensor)
@@ -77,14 +74,36 @@ class Tracker:
                 return {target.row: estimate}
         return found
 
-    def _edges_by_depth(
-        self, row: int, frame: Frame, sensor: Sensor, found: dict[int, PoseEstimate]
-    ) -> list[Edge]:
-        """From the last frame, where features join none or the last hangs by its depth itself."""
-        last = self._by_depth.last
-        if last is None or (found and not self._by_depth.hanging) or last in found:
-            return []
-        return self._by_depth.edges(row, frame, sensor, self._motion.predicted(last))
+    def _from_nearest(self, view: Keyframe, sensor: Sensor) -> dict[int, PoseEstimate]:
+        """Estimates by row, from the last keyframe and the predecessor."""
+        previous = () if self._previous is None else (self._previous,)
+        nearest = {k.row: k for k in (*self._keyframes[-1:], *previous)}
+        return {
+            target.row: estimate
+            for target in nearest.values()
+            if isinstance(estimate := self._register(target, view, sensor), PoseEstimate)
+        }
+
+    def _follow_densely(
+        self, frame: Frame, sensor: Sensor, found: dict[int, PoseEstimate]
+    ) -> DenseEstimate | None:
+        """From the last frame, where features hold the frame weakly or the last hangs loosely."""
+        last = self._dense.last
+        if last is None or not (_are_weak(found) or self._dense.hanging):
+            return None
+        predicted = found[last].T_a_b if last in found else self._motion.predicted(last)
+        return self._dense.follow(frame, sensor, predicted)
+
+    def _join(self, row: int, found: dict[int, PoseEstimate], dense: DenseEstimate | None) -> None:
+        """Keep the edges of a frame, and its pose for the next."""
+        edges = [Edge(i, row, e.T_a_b, e.information) for i, e in found.items()]
+        loose: list[Edge] = []
+        if dense is not None and self._dense.last is not None:
+            edge = dense_edge(self._dense.last, row, dense)
+            (edges if dense.firm else loose).append(edge)
+        self._edges += edges
+        self._loose_edges += loose
+        self._motion.follow(row, {e.i: e.T_i_j for e in edges or loose})
 
     def _others(self, view: Keyframe) -> Iterator[Keyframe]:
         """Recent keyframes, newest first, then the most similar of the rest."""
@@ -134,9 +153,18 @@ class Tracker:
             self._reasons.get(row, "") if segment[row] == LOST or alone[row] else ""
             for row in range(len(frames))
         )
-        edges, keyframes = tuple(self._edges), tuple(self._keyframes)
-        by_depth = tuple(self._depth_edges)
-        return Odometry(frames, poses, segment, reasons, edges, keyframes, depth_edges=by_depth)
+        keyframes = tuple(self._keyframes)
+        edges = tuple(e for e in self._edges if segment[e.i] != LOST)
+        loose = (*self._loose_edges, *(e for e in self._edges if segment[e.i] == LOST))
+        return Odometry(frames, poses, segment, reasons, edges, keyframes, loose_edges=loose)
+
+
+def _are_weak(found: dict[int, PoseEstimate]) -> bool:
+    """Whether no estimate tells every direction of the translation to `WEAK_M`."""
+    return all(
+        np.linalg.inv(estimate.information)[3:, 3:].diagonal().max() > WEAK_M**2
+        for estimate in found.values()
+    )
 
 
 class Motion:
@@ -159,6 +187,10 @@ class Motion:
         self._step = np.eye(4) if previous is None else se3.inverse(previous) @ pose
         self._T_start_camera[row] = pose
         self._last = row
+
+    def expect(self, T_last_next: NDArray[np.float64]) -> None:
+        """Take this for the motion to the next frame, until that is followed."""
+        self._step = T_last_next
 
     def predicted(self, target: int) -> NDArray[np.float64] | None:
         """``T_target_camera`` of the next frame, None where the target is of another track."""

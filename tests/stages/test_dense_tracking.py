@@ -1,4 +1,4 @@
-"""Frames of a tiny capture followed by their depth alone."""
+"""Frames of a tiny capture followed by all their pixels."""
 
 import dataclasses
 from pathlib import Path
@@ -14,7 +14,7 @@ from vnav.io.capture import open_capture
 from vnav.io.rectify import rectified
 from vnav.io.trajectories import read_tum
 from vnav.registration import Sensor
-from vnav.stages.depth_tracking import DepthTracker
+from vnav.stages.dense_tracking import DenseTracker, dense_edge
 
 CONFIG = Config()
 
@@ -37,19 +37,21 @@ def motions(tiny_capture: Path) -> list[np.ndarray]:
     return [se3.inverse(T[k]) @ T[k + 1] for k in range(5)]
 
 
-def seen(frames: list[Frame], most: int = 30) -> DepthTracker:
+def seen(frames: list[Frame], most: int = 30) -> DenseTracker:
     """A tracker that features have told the frames' motions so far."""
-    settings = dataclasses.replace(CONFIG.odometry, max_depth_only_frames=most)
-    tracker = DepthTracker(settings)
+    settings = dataclasses.replace(CONFIG.odometry, max_loose_frames=most)
+    tracker = DenseTracker(settings)
     for row, frame in enumerate(frames):
-        tracker.took(row, frame, alone=False)
+        tracker.took(row, frame, loose=False)
     return tracker
 
 
 def test_a_frame_is_followed_from_the_last(
     frames: list[Frame], motions: list[np.ndarray], sensor: Sensor
 ) -> None:
-    (edge,) = seen(frames[:3]).edges(3, frames[3], sensor, motions[1])
+    found = seen(frames[:3]).follow(frames[3], sensor, motions[1])
+    assert found is not None
+    edge = dense_edge(2, 3, found)
     assert (edge.i, edge.j) == (2, 3)
     off = se3.inverse(motions[2]) @ edge.T_i_j
     xi = np.concatenate([se3.log_so3(off[:3, :3]), off[:3, 3]])
@@ -61,19 +63,19 @@ def test_after_a_gap_in_time_nothing_is_predicted(
     frames: list[Frame], motions: list[np.ndarray], sensor: Sensor
 ) -> None:
     late = dataclasses.replace(frames[3], stamp_s=frames[2].stamp_s + 3.0)
-    assert seen(frames[:3]).edges(3, late, sensor, motions[1]) == []
+    assert seen(frames[:3]).follow(late, sensor, motions[1]) is None
 
 
 def test_no_more_frames_in_a_row_are_followed_than_allowed(
     frames: list[Frame], motions: list[np.ndarray], sensor: Sensor
 ) -> None:
     tracker = seen(frames[:3], most=1)
-    assert tracker.edges(3, frames[3], sensor, motions[1])
-    tracker.took(3, frames[3], alone=True)
+    assert tracker.follow(frames[3], sensor, motions[1])
+    tracker.took(3, frames[3], loose=True)
     assert tracker.hanging
-    assert tracker.edges(4, frames[4], sensor, motions[2]) == []
+    assert tracker.follow(frames[4], sensor, motions[2]) is None
 
 
 def test_without_a_prediction_nothing_is_followed(frames: list[Frame], sensor: Sensor) -> None:
-    assert seen(frames[:3]).edges(3, frames[3], sensor, None) == []
-    assert DepthTracker(CONFIG.odometry).last is None
+    assert seen(frames[:3]).follow(frames[3], sensor, None) is None
+    assert DenseTracker(CONFIG.odometry).last is None

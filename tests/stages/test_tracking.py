@@ -1,0 +1,133 @@
+"""The motion that is expected of a camera, and frames with few features or none."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from vnav.config import Config, FeaturesConfig
+from vnav.core import se3
+from vnav.core.frame import Features, Frame
+from vnav.core.mapping import FrameTable, Keyframe, Odometry
+from vnav.features import front_end
+from vnav.features.lifting import lift
+from vnav.features.matching import DescriptorMatcher
+from vnav.io.capture import open_capture
+from vnav.io.rectify import rectified
+from vnav.io.trajectories import read_tum
+from vnav.registration import Sensor
+from vnav.stages.tracking import Motion, Tracker
+
+CONFIG = Config(features=FeaturesConfig(max_features=700))
+FRAMES = 6
+
+STEP = se3.exp([0.0, 0.1, 0.0, 0.2, 0.0, 0.0])
+TURN = se3.exp([0.0, 0.5, 0.0, 0.1, 0.0, 0.0])
+
+
+def after_two_frames() -> Motion:
+    motion = Motion()
+    motion.follow(0, {})
+    motion.follow(1, {0: STEP})
+    return motion
+
+
+def test_the_last_step_is_expected_again() -> None:
+    motion = after_two_frames()
+    np.testing.assert_allclose(motion.predicted(1), STEP)
+    np.testing.assert_allclose(motion.predicted(0), STEP @ STEP)
+
+
+def test_what_is_known_of_the_next_step_is_expected_instead_until_it_is_followed() -> None:
+    motion = after_two_frames()
+    motion.expect(TURN)
+    np.testing.assert_allclose(motion.predicted(1), TURN)
+    np.testing.assert_allclose(motion.predicted(0), STEP @ TURN)
+    motion.follow(2, {1: STEP})
+    np.testing.assert_allclose(motion.predicted(2), STEP)
+
+
+def test_nothing_is_expected_of_another_track() -> None:
+    motion = after_two_frames()
+    motion.follow(2, {})
+    assert motion.predicted(1) is None
+    assert motion.predicted(2) is not None
+
+
+@pytest.fixture(scope="module")
+def frames(tiny_capture: Path) -> list[Frame]:
+    capture = open_capture(tiny_capture, CONFIG.capture)
+    return [capture.read(k) for k in range(FRAMES)]
+
+
+@pytest.fixture(scope="module")
+def sensor(tiny_capture: Path) -> Sensor:
+    camera = rectified(open_capture(tiny_capture, CONFIG.capture).camera)
+    return Sensor(camera, CONFIG.registration, DescriptorMatcher(CONFIG.registration))
+
+
+@pytest.fixture(scope="module")
+def truth(tiny_capture: Path) -> np.ndarray:
+    return read_tum(tiny_capture / "groundtruth.txt").T_world_camera
+
+
+def tracked(frames: list[Frame], sensor: Sensor, features_of_4: int) -> Odometry:
+    """The frames, one of which has no more than so many features."""
+    tracker = Tracker(CONFIG)
+    extract = front_end(CONFIG.features).extract
+    for row, frame in enumerate(frames):
+        features = extract(frame.color)
+        if row == 4:
+            features = first(features, features_of_4)
+        px = features.keypoints_px
+        points = lift(px, frame.depth_m, sensor.intrinsics, CONFIG.registration)
+        tracker.add(Keyframe(row, features, points), frame, sensor)
+    rows = np.arange(FRAMES, dtype=np.int32)
+    return tracker.result(FrameTable(np.zeros_like(rows), rows, rows / 30.0))
+
+
+def first(features: Features, count: int) -> Features:
+    return Features(
+        features.keypoints_px[:count],
+        features.descriptors[:count],
+        features.scores[:count],
+        features.scales_px[:count],
+        features.angles_rad[:count],
+    )
+
+
+def squared_errors(result: Odometry, truth: np.ndarray, i: int, j: int) -> list[float]:
+    """Of the edges between two rows, by their own information."""
+    found = []
+    for edge in result.edges:
+        if (edge.i, edge.j) == (i, j):
+            off = se3.inverse(se3.inverse(truth[i]) @ truth[j]) @ edge.T_i_j
+            xi = np.concatenate([se3.log_so3(off[:3, :3]), off[:3, 3]])
+            found.append(float(xi @ edge.information @ xi))
+    return found
+
+
+def test_a_frame_without_features_is_held_by_its_pixels(
+    frames: list[Frame], sensor: Sensor, truth: np.ndarray
+) -> None:
+    result = tracked(frames, sensor, features_of_4=0)
+    assert result.segment.tolist() == [0] * FRAMES
+    (squared,) = squared_errors(result, truth, 3, 4)
+    assert squared < 22.5  # 6 degrees of freedom: 99.9 % of right ones are below
+    assert 4 not in [k.row for k in result.keyframes]
+
+
+def test_a_frame_that_few_features_hold_is_held_by_its_pixels_too(
+    frames: list[Frame], sensor: Sensor, truth: np.ndarray
+) -> None:
+    result = tracked(frames, sensor, features_of_4=40)
+    errors = squared_errors(result, truth, 3, 4)
+    assert len(errors) == 2
+    assert max(errors) < 22.5
+
+
+def test_a_frame_with_many_features_needs_no_other_pixels(
+    frames: list[Frame], sensor: Sensor, truth: np.ndarray
+) -> None:
+    result = tracked(frames, sensor, features_of_4=700)
+    assert len(squared_errors(result, truth, 3, 4)) == 1

@@ -1,0 +1,107 @@
+"""Two frames, all their pixels, to the motion between them: for frames with too few features.
+
+Points of one are held against the surface and the brightness that the other has measured where they
+fall, from coarse to fine. Source: Kerl, Sturm, Cremers 2013, "Dense visual SLAM for RGB-D cameras".
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vnav.config import RegistrationConfig
+from vnav.core import se3
+from vnav.core.camera import Intrinsics
+from vnav.core.frame import Frame, Rejected
+from vnav.registration.pixels import Compared, Images
+from vnav.registration.refinement import CONVERGED
+
+Array = NDArray[np.float64]
+
+MOTION_SIGMAS = np.repeat([np.deg2rad(3.0), 0.05], 3)  # rad, m: of a predicted motion
+LARGEST_SIGMAS = 3.0  # of it, that the motion found may be off the prediction
+BLURS_PX = (12.0, 6.0, 3.0, 1.5)  # of the images that are compared, from coarse to fine
+ITERATIONS = 20  # at each of them
+MIN_OVERLAP = 0.4  # share of the points that fall on a surface of the other image
+MIN_INLIERS = 0.8  # share of those that lie on it
+FIRM = 100.0  # times what the prediction knows, in every direction
+
+
+@dataclass(frozen=True)
+class DenseEstimate:
+    """How camera b stands to a, from all pixels and a prediction; ``information`` as in `Edge`.
+
+    ``firm``: the images fix every direction, and the prediction decides none.
+    """
+
+    T_a_b: Array
+    information: Array
+    firm: bool
+
+
+def align(
+    a: Frame, b: Frame, intrinsics: Intrinsics, config: RegistrationConfig, predicted: Array
+) -> DenseEstimate | Rejected:
+    """How camera b stands to camera a by the surfaces and the brightness that both have seen.
+
+    Gauss-Newton from the predicted ``T_a_b``, from coarse images to fine ones, under Cauchy's
+    kernel, which is as wide as the residuals are and narrows with them. Where the images leave a
+    direction open, as a bare wall does along itself, the prediction decides, and the information
+    says how little it knows. Rejected where too little overlaps or agrees, or where the prediction
+    is contradicted.
+    """
+    images = Images.of(a, b, intrinsics)
+    T_a_b = predicted
+    for blur_px in BLURS_PX:
+        compared = images.blurred(blur_px, config.depth_sigma_per_m2)
+        T_a_b = _descended(compared, T_a_b, predicted)
+    overlap, agreeing = compared[0].agreement(T_a_b)
+    if overlap < MIN_OVERLAP:
+        return Rejected("too little depth in common")
+    if agreeing < MIN_INLIERS:
+        return Rejected("surfaces do not agree")
+    if np.abs(_off(T_a_b, predicted)).max() > LARGEST_SIGMAS:
+        return Rejected("surfaces contradict the prediction")
+    known, axes, _ = _known(compared, T_a_b)
+    information = (axes * (known + 1)) @ axes.T / np.outer(MOTION_SIGMAS, MOTION_SIGMAS)
+    return DenseEstimate(T_a_b, information, bool(known.min() > FIRM))
+
+
+def _descended(compared: Sequence[Compared], T_a_b: Array, predicted: Array) -> Array:
+    """The motion of least cost near ``T_a_b``, in open directions that which was predicted."""
+    for _ in range(ITERATIONS):
+        for one in compared:
+            one.adapt(T_a_b)
+        known, axes, pull = _known(compared, T_a_b)
+        pull += axes.T @ _off(T_a_b, predicted)
+        step = -MOTION_SIGMAS * (axes @ (pull / (known + 1)))
+        T_a_b = T_a_b @ se3.exp(step)
+        if np.abs(step).max() < CONVERGED:
+            break
+    return T_a_b
+
+
+def _known(compared: Sequence[Compared], T_a_b: Array) -> tuple[Array, Array, Array]:
+    """What the images tell (6,), in units of the prediction's information, by axes; their pull.
+
+    Noise of the gradients seems to tell something too, which is taken off.
+    """
+    told, seeming, gradient = np.zeros((6, 6)), np.zeros((6, 6)), np.zeros(6)
+    unit = np.outer(MOTION_SIGMAS, MOTION_SIGMAS)
+    for one in compared:
+        H, by_noise, g = one.equations(T_a_b)
+        known, axes = np.linalg.eigh((H - by_noise) * unit)
+        told += (axes * np.maximum(known, 0)) @ axes.T
+        seeming += H * unit
+        gradient += g * MOTION_SIGMAS
+    known, axes = np.linalg.eigh(told)
+    known = np.maximum(known, 0)
+    seems = np.einsum("ik,ij,jk->k", axes, seeming, axes)
+    return known, axes, known / np.maximum(seems, 1e-9) * (axes.T @ gradient)
+
+
+def _off(T_a_b: Array, predicted: Array) -> Array:
+    """How far (6,) a motion is off the prediction, in the prediction's standard deviations."""
+    T = se3.inverse(predicted) @ T_a_b
+    return np.asarray(np.concatenate([se3.log_so3(T[:3, :3]), T[:3, 3]]) / MOTION_SIGMAS)
