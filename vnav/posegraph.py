@@ -122,6 +122,34 @@ def carry(poses: Array, edges: Sequence[Edge], held: NDArray[np.intp]) -> Array:
     return _poses(gtsam.LevenbergMarquardtOptimizer(graph, _values(poses, nodes)).optimize(), poses)
 
 
+def along(edges: Sequence[Edge], pairs: Sequence[tuple[int, int]]) -> list[Edge]:
+    """How frames stand to later ones by the surest way along edges that go forward between them.
+
+    Pairs that no such way joins are left out. Errors of edges add up as if they were independent.
+    """
+    into: dict[int, list[Edge]] = {}
+    for e in edges:
+        into.setdefault(e.j, []).append(e)
+    ways = [(i, j, _way(into, i, j)) for i, j in pairs]
+    return [Edge(i, j, w[0], np.asarray(np.linalg.inv(w[1]))) for i, j, w in ways if w is not None]
+
+
+def _way(into: dict[int, list[Edge]], first: int, last: int) -> tuple[Array, Array] | None:
+    """Motion and covariance (6, 6) from a frame to a later one, None where nothing joins them."""
+    ways = {first: (np.eye(4), np.zeros((6, 6)))}
+    for row in range(first + 1, last + 1):
+        found = [_then(*ways[e.i], e) for e in into.get(row, ()) if e.i in ways]
+        if found:
+            ways[row] = min(found, key=lambda way: float(np.trace(way[1])))
+    return ways.get(last)
+
+
+def _then(T: Array, covariance: Array, e: Edge) -> tuple[Array, Array]:
+    """A motion and its covariance, with an edge after it."""
+    adjoint = gtsam.Pose3(se3.inverse(e.T_i_j)).AdjointMap()
+    return T @ e.T_i_j, adjoint @ covariance @ adjoint.T + np.linalg.inv(e.information)
+
+
 def join(
     T_segment_camera: Array,
     segment: NDArray[np.int32],

@@ -9,7 +9,7 @@ from vnav.bundle import Prior, SensorModel
 from vnav.config import OptimiseConfig, RegistrationConfig
 from vnav.core import se3
 from vnav.core.camera import Intrinsics
-from vnav.core.frame import Features
+from vnav.core.frame import Edge, Features
 from vnav.core.mapping import Keyframe
 from vnav.stages.landmarks import Adjusted, Tracks, adjust_landmarks
 
@@ -17,7 +17,7 @@ CAMERA = Intrinsics(640, 480, 525.0, 525.0, 319.5, 239.5)
 NOISE = RegistrationConfig()
 CONFIG = OptimiseConfig()
 KEYFRAMES, SHARED, ALONE = 5, 80, 10
-JOINED = [(k, k + 1) for k in range(KEYFRAMES - 1)]
+HELD = np.diag(np.repeat([0.01, 0.03], 3) ** -2.0)  # rad, m
 
 
 @dataclass
@@ -34,8 +34,17 @@ class Scene:
     ) -> Adjusted:
         tracks = Tracks(self.keyframes, self.matches if matches is None else matches)
         model = SensorModel([CAMERA] * len(self.keyframes), NOISE)
-        joined = [(i, j) for i, j in JOINED if np.isfinite(start[[i, j], 0, 0]).all()]
-        return adjust_landmarks(start, tracks, joined, model, CONFIG, prior)
+        return adjust_landmarks(start, tracks, joined(start), model, CONFIG, prior)
+
+
+def joined(T: np.ndarray) -> list[Edge]:
+    """Every keyframe to the next, as the poses say."""
+    known = np.isfinite(T[:, 0, 0])
+    return [
+        Edge(k, k + 1, se3.inverse(T[k]) @ T[k + 1], HELD)
+        for k in range(len(T) - 1)
+        if known[k : k + 2].all()
+    ]
 
 
 def scene(seed: int) -> Scene:
@@ -250,6 +259,7 @@ def test_rounds_are_set_by_the_configuration(rounds: int) -> None:
     tracks = Tracks(made.keyframes, made.matches)
     model = SensorModel([CAMERA] * KEYFRAMES, NOISE)
     config = OptimiseConfig(bundle_rounds=rounds)
-    result = adjust_landmarks(disturbed(made.T), tracks, JOINED, model, config)
+    start = disturbed(made.T)
+    result = adjust_landmarks(start, tracks, joined(start), model, config)
     # 3 numbers an observation, of which points and poses take up a quarter: sqrt(2 * 0.75) px.
     assert result.rms_px_after == pytest.approx(1.22, rel=0.1)

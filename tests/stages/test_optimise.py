@@ -298,7 +298,7 @@ def test_the_main_part_of_an_extended_map_is_what_was_mapped_before() -> None:
 
 
 def along(odometry: Odometry, first: int, last: int) -> tuple[Edge, ...]:
-    """Edges from each frame to the next, in a row of frames, as depth alone would tell them."""
+    """Edges from each frame to the next, in a row of frames, as loose edges would tell them."""
     T = odometry.T_segment_camera
     return tuple(
         Edge(k, k + 1, se3.inverse(T[k]) @ T[k + 1], 1e4 * np.eye(6)) for k in range(first, last)
@@ -306,7 +306,7 @@ def along(odometry: Odometry, first: int, last: int) -> tuple[Edge, ...]:
 
 
 def without(odometry: Odometry, rows: range) -> Odometry:
-    """The odometry as if features had told nothing of some frames, but depth had."""
+    """The odometry as if features had told nothing of some frames, but loose edges had."""
     edges = tuple(e for e in odometry.edges if e.i not in rows and e.j not in rows)
     poses, segment = odometry.T_segment_camera.copy(), odometry.segment.copy()
     poses[rows], segment[rows] = np.nan, LOST
@@ -328,7 +328,7 @@ def between_keyframes(odometry: Odometry) -> range:
     return range(first, first + 2)
 
 
-def test_frames_that_depth_alone_joins_hang_between_their_neighbours(
+def test_frames_that_loose_edges_join_hang_between_their_neighbours(
     odometry: Odometry, camera: Intrinsics
 ) -> None:
     rows = between_keyframes(odometry)
@@ -339,7 +339,7 @@ def test_frames_that_depth_alone_joins_hang_between_their_neighbours(
     np.testing.assert_allclose(hung[rows], whole[rows], atol=0.01)
 
 
-def test_a_long_part_is_not_joined_by_depth_alone(odometry: Odometry, camera: Intrinsics) -> None:
+def test_a_long_part_is_not_joined_by_loose_edges(odometry: Odometry, camera: Intrinsics) -> None:
     few = dataclasses.replace(CONFIG.odometry, max_loose_frames=1)
     config = dataclasses.replace(CONFIG, odometry=few)
     half = len(odometry.frames) // 2
@@ -355,3 +355,14 @@ def test_a_long_part_is_not_joined_by_depth_alone(odometry: Odometry, camera: In
         dataclasses.replace(apart), (), np.zeros((0, 4), np.int32), [camera], CONFIG
     )
     assert np.isfinite(joined.poses).all()
+
+
+def test_keyframes_that_share_no_landmark_are_as_sure_as_odometry_between_them(
+    odometry: Odometry, camera: Intrinsics
+) -> None:
+    none = np.zeros((0, 4), np.int32)
+    rows = [k.row for k in odometry.keyframes]
+    solved = solution.solve(odometry, (), none, [camera], CONFIG)
+    (way,) = posegraph.along(odometry.edges, [(rows[0], rows[1])])
+    expected = np.linalg.inv(way.information) * solution.ALONG_FACTOR**2
+    np.testing.assert_allclose(solved.adjusted.covariance[1], expected, rtol=1e-2, atol=1e-10)

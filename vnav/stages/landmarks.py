@@ -9,7 +9,6 @@ from scipy.sparse import csr_array
 
 from vnav.bundle import Bundle, Observations, Prior, SensorModel, adjust, covariances
 from vnav.config import OptimiseConfig
-from vnav.core import se3
 from vnav.core.frame import Edge
 from vnav.core.mapping import Keyframe, Landmarks
 from vnav.core.tracks import merge
@@ -19,7 +18,6 @@ Rows = NDArray[np.intp]
 OUTLIER_SIGMAS_SQUARED = 16.3  # chi-squared, 3 degrees of freedom: 99.9 %
 FIRST_SLACK = 9.0  # the first poses' errors exceed the noise: outliers go step by step
 ROUGH_ITERATIONS = 4  # of a round that another one follows
-HELD_SIGMAS = np.array([0.01, 0.01, 0.01, 0.03, 0.03, 0.03])  # rad, m: of a weak keyframe's edge
 
 
 class Tracks:
@@ -66,7 +64,7 @@ class Adjusted:
 def adjust_landmarks(
     T_world_camera: Array,
     tracks: Tracks,
-    joined: Sequence[tuple[int, int]],
+    joined: Sequence[Edge],
     model: SensorModel,
     config: OptimiseConfig,
     prior: Prior | None = None,
@@ -77,8 +75,8 @@ def adjust_landmarks(
     it: the sharper it is known, the less do wrong matches weigh. What is said of the result, its
     covariances and which observations hold a landmark, stays with the settings.
 
-    ``joined``: pairs of keyframes that odometry or a closure joined; where they share too few
-    landmarks, the motion of the given poses holds them. ``prior``: see `adjust`.
+    ``joined``: how odometry and closures joined keyframes, by number; where two share too few
+    landmarks, this holds them, so that whatever was joined stays joined. ``prior``: see `adjust`.
     """
     rows = np.flatnonzero(np.isfinite(T_world_camera[:, 0, 0])[tracks.seen.camera])
     points = tracks.lifted(T_world_camera, rows)
@@ -93,14 +91,14 @@ def adjust_landmarks(
         iterations = config.bundle_iterations if last else ROUGH_ITERATIONS
         inliers = _inliers(bundle, tracks, rows, sharp, FIRST_SLACK if k == 0 else 1.0)
         shared = _shared(tracks.seen, inliers)
-        held = _weak_edges(T_world_camera, joined, tracks.seen[shared], config)
+        held = _weak(joined, len(T_world_camera), tracks.seen[shared], config.weak_landmarks)
         rms.append(model.rms_px(bundle, tracks.seen[shared]))
         bundle = adjust(bundle, tracks.seen[shared], held, sharp, iterations, prior)
         bundle = _lift_alone(bundle, tracks, inliers, shared)
     rows = _inliers(bundle, tracks, rows, model, 1.0)
     shared = _shared(tracks.seen, rows)
     rms.append(model.rms_px(bundle, tracks.seen[shared]))
-    held = _weak_edges(T_world_camera, joined, tracks.seen[shared], config)
+    held = _weak(joined, len(T_world_camera), tracks.seen[shared], config.weak_landmarks)
     covariance = covariances(bundle, tracks.seen[shared], held, model, prior)
     landmarks = _landmarks(bundle, tracks, rows, model)
     return Adjusted(bundle.T_world_camera, covariance, landmarks, len(shared), rms[0], rms[-1])
@@ -119,25 +117,12 @@ def _shared(seen: Observations, rows: Rows) -> Rows:
     return rows[(count[landmark] > 1) & (with_depth[landmark] > 0)]
 
 
-def _weak_edges(
-    T_world_camera: Array,
-    joined: Sequence[tuple[int, int]],
-    seen: Observations,
-    config: OptimiseConfig,
-) -> list[Edge]:
-    """The given motion between joined keyframes that share too few landmarks to hold each other.
-
-    With these, whatever the pose graph joins stays joined.
-    """
-    information = np.diag(HELD_SIGMAS**-2.0)
-    shape = len(T_world_camera), int(seen.landmark.max(initial=-1)) + 1
+def _weak(joined: Sequence[Edge], cameras: int, seen: Observations, fewest: int) -> list[Edge]:
+    """Those edges whose keyframes share too few landmarks to hold each other."""
+    shape = cameras, int(seen.landmark.max(initial=-1)) + 1
     sees = csr_array((np.ones(len(seen)), (seen.camera, seen.landmark)), shape=shape)
     common = (sees @ sees.T).toarray()
-    return [
-        Edge(i, j, se3.inverse(T_world_camera[i]) @ T_world_camera[j], information)
-        for i, j in joined
-        if common[i, j] < config.weak_landmarks
-    ]
+    return [e for e in joined if common[e.i, e.j] < fewest]
 
 
 def _lift_alone(bundle: Bundle, tracks: Tracks, rows: Rows, shared: Rows) -> Bundle:

@@ -22,6 +22,10 @@ from vnav.stages.given import noise
 from vnav.stages.landmarks import Adjusted, Tracks, adjust_landmarks
 
 Array = NDArray[np.float64]
+JOINED_SIGMAS = np.array(
+    [0.01, 0.01, 0.01, 0.03, 0.03, 0.03]
+)  # rad, m: of keyframes that loops close
+ALONG_FACTOR = 2.0  # noise of a way of edges over its sum: edges that share a frame err alike
 
 
 @dataclass(frozen=True)
@@ -138,12 +142,33 @@ def _adjust(
     of_kept = [(int(i), int(j)) in kept for i, j in matches[:, [0, 2]]]
     tracks = Tracks(odometry.keyframes, matches[np.array(of_kept, bool)])
     model = SensorModel([cameras[odometry.frames.capture[r]] for r in rows], config.registration)
-    segment = odometry.segment[rows]
-    known = np.isfinite(poses[rows, 0, 0])
+    joined = _joined(poses, odometry, kept)
+    return adjust_landmarks(poses[rows], tracks, joined, model, config.optimise, prior)
+
+
+def _joined(poses: Array, odometry: Odometry, closed: set[tuple[int, int]]) -> list[Edge]:
+    """Edges between keyframes, by number: of odometry to the next, and of the pairs loops close.
+
+    Odometry's have its own motion and noise, for it saw the frames between; the others, and those
+    of given poses, have the motion of ``poses``.
+    """
+    rows = [k.row for k in odometry.keyframes]
+    number = {row: k for k, row in enumerate(rows)}
+    T, segment = poses[rows], odometry.segment[rows]
     of_segment = [np.flatnonzero(segment == s).tolist() for s in np.unique(segment)]
     neighbours = {pair for keyframes in of_segment for pair in pairwise(keyframes)}
-    joined = [(i, j) for i, j in sorted(neighbours | kept) if known[i] and known[j]]
-    return adjust_landmarks(poses[rows], tracks, joined, model, config.optimise, prior)
+    information = np.diag(JOINED_SIGMAS**-2.0)
+    joined = {
+        (i, j): Edge(i, j, se3.inverse(T[i]) @ T[j], information)
+        for i, j in neighbours | closed
+        if np.isfinite(T[[i, j], 0, 0]).all()
+    }
+    if not odometry.given:
+        between = [(rows[i], rows[j]) for i, j in neighbours & joined.keys()]
+        for e in posegraph.along(odometry.edges, between):
+            i, j = number[e.i], number[e.j]
+            joined[i, j] = Edge(i, j, e.T_i_j, e.information / ALONG_FACTOR**2)
+    return [joined[pair] for pair in sorted(joined)]
 
 
 def _carried(poses: Array, adjusted: Adjusted, odometry: Odometry, edges: Sequence[Edge]) -> Array:
