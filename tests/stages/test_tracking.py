@@ -26,16 +26,43 @@ TURN = se3.exp([0.0, 0.5, 0.0, 0.1, 0.0, 0.0])
 
 
 def after_two_frames() -> Motion:
+    """0.1 s apart, and the next comes as soon."""
     motion = Motion()
+    motion.approach(5.0)
     motion.follow(0, {})
+    motion.approach(5.1)
     motion.follow(1, {0: STEP})
+    motion.approach(5.2)
     return motion
 
 
 def test_the_last_step_is_expected_again() -> None:
     motion = after_two_frames()
-    np.testing.assert_allclose(motion.predicted(1), STEP)
-    np.testing.assert_allclose(motion.predicted(0), STEP @ STEP)
+    np.testing.assert_allclose(motion.predicted(1), STEP, atol=1e-9)
+    np.testing.assert_allclose(motion.predicted(0), STEP @ STEP, atol=1e-9)
+
+
+def test_after_a_gap_a_longer_step_is_expected() -> None:
+    motion = after_two_frames()
+    motion.approach(5.3)
+    farther = motion.predicted(1)
+    assert farther is not None
+    np.testing.assert_allclose(se3.log_so3(farther[:3, :3]), [0.0, 0.2, 0.0], atol=1e-9)
+    np.testing.assert_allclose(farther[:3, 3], 2 * STEP[:3, 3], atol=1e-9)
+
+
+def test_after_a_long_gap_the_camera_is_not_expected_out_of_the_world() -> None:
+    motion = after_two_frames()
+    motion.approach(3600.0)
+    farther = motion.predicted(1)
+    assert farther is not None
+    assert np.linalg.norm(farther[:3, 3]) < 4 * np.linalg.norm(STEP[:3, 3])
+
+
+def test_frames_of_one_time_are_expected_at_one_place() -> None:
+    motion = after_two_frames()
+    motion.approach(5.1)
+    np.testing.assert_allclose(motion.predicted(1), np.eye(4), atol=1e-9)
 
 
 def test_what_is_known_of_the_next_step_is_expected_instead_until_it_is_followed() -> None:
@@ -44,7 +71,8 @@ def test_what_is_known_of_the_next_step_is_expected_instead_until_it_is_followed
     np.testing.assert_allclose(motion.predicted(1), TURN)
     np.testing.assert_allclose(motion.predicted(0), STEP @ TURN)
     motion.follow(2, {1: STEP})
-    np.testing.assert_allclose(motion.predicted(2), STEP)
+    motion.approach(5.3)
+    np.testing.assert_allclose(motion.predicted(2), STEP, atol=1e-9)
 
 
 def test_nothing_is_expected_of_another_track() -> None:

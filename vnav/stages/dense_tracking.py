@@ -11,7 +11,7 @@ from vnav.posegraph import softened
 from vnav.registration import Sensor
 from vnav.registration.dense import DenseEstimate, align
 
-LONGEST_STEP = 1.5  # of the usual time between frames: after a gap no motion is predicted
+LONGEST_STEP = 3.5  # of the usual time between frames: after a longer gap no motion is predicted
 REMEMBERED = 30  # frames that tell what is usual
 FIRM_SIGMAS = np.deg2rad(0.1), 0.003  # rad, m: added, for what bends all pixels of a frame alike
 LOOSE_SIGMAS = np.deg2rad(0.3), 0.01  # and for what an open direction bends of the others

@@ -14,7 +14,7 @@ from vnav.features.appearance import signature
 from vnav.posegraph import chain
 from vnav.registration import Sensor, register
 from vnav.registration.dense import DenseEstimate
-from vnav.stages.dense_tracking import DenseTracker, dense_edge
+from vnav.stages.dense_tracking import LONGEST_STEP, DenseTracker, dense_edge
 
 WEAK_M = 0.004  # standard deviation; most frames' features tell their motion twice as well
 
@@ -35,6 +35,7 @@ class Tracker:
 
     def add(self, view: Keyframe, frame: Frame, sensor: Sensor) -> bool:
         """Follow the next frame; True where it is kept as a keyframe."""
+        self._motion.approach(frame.stamp_s)
         found = self._follow(view, sensor)
         dense = self._follow_densely(frame, sensor, found)
         if dense and _are_weak(found):
@@ -172,11 +173,24 @@ class Motion:
 
     def __init__(self) -> None:
         self._T_start_camera: dict[int, NDArray[np.float64]] = {}
-        self._step = np.eye(4)
         self._last = -1
+        self._last_s = self._next_s = 0.0
+        self._step, self._step_s = np.eye(4), 0.0
+        self._T_last_next = np.eye(4)
+
+    def approach(self, stamp_s: float) -> None:
+        """The next frame is of this time: expect the last step again, longer after a gap."""
+        self._next_s = stamp_s
+        wait_s = stamp_s - self._last_s
+        times = wait_s / self._step_s if self._step_s > 0 else 1.0
+        self._T_last_next = _repeated(self._step, float(np.clip(times, 0.0, LONGEST_STEP)))
+
+    def expect(self, T_last_next: NDArray[np.float64]) -> None:
+        """Take this for the motion to the next frame, until that is followed."""
+        self._T_last_next = T_last_next
 
     def follow(self, row: int, found: dict[int, NDArray[np.float64]]) -> None:
-        """Add a frame by its transformations ``T_target_camera`` from others, the best first."""
+        """Add that frame by its transformations ``T_target_camera`` from others, the best first."""
         known = [(t, T) for t, T in found.items() if t in self._T_start_camera]
         if not known:
             self._T_start_camera.clear()
@@ -185,16 +199,18 @@ class Motion:
             pose = self._T_start_camera[known[0][0]] @ known[0][1]
         previous = self._T_start_camera.get(self._last)
         self._step = np.eye(4) if previous is None else se3.inverse(previous) @ pose
+        self._step_s = self._next_s - self._last_s
         self._T_start_camera[row] = pose
-        self._last = row
-
-    def expect(self, T_last_next: NDArray[np.float64]) -> None:
-        """Take this for the motion to the next frame, until that is followed."""
-        self._step = T_last_next
+        self._last, self._last_s = row, self._next_s
 
     def predicted(self, target: int) -> NDArray[np.float64] | None:
         """``T_target_camera`` of the next frame, None where the target is of another track."""
         if target not in self._T_start_camera:
             return None
         now = self._T_start_camera[self._last]
-        return np.asarray(se3.inverse(self._T_start_camera[target]) @ now @ self._step)
+        return np.asarray(se3.inverse(self._T_start_camera[target]) @ now @ self._T_last_next)
+
+
+def _repeated(step: NDArray[np.float64], times: float) -> NDArray[np.float64]:
+    """A motion a number of times, turning and moving evenly."""
+    return se3.make(se3.exp_so3(times * se3.log_so3(step[:3, :3])), times * step[:3, 3])
