@@ -9,26 +9,11 @@ import pytest
 from vnav.config import Config
 from vnav.core import se3
 from vnav.core.frame import Frame
-from vnav.features.matching import DescriptorMatcher
-from vnav.io.capture import open_capture
-from vnav.io.rectify import rectified
 from vnav.io.trajectories import read_tum
 from vnav.registration import Sensor
 from vnav.stages.dense_tracking import DenseTracker, dense_edge
 
 CONFIG = Config()
-
-
-@pytest.fixture(scope="module")
-def sensor(tiny_capture: Path) -> Sensor:
-    camera = rectified(open_capture(tiny_capture, CONFIG.capture).camera)
-    return Sensor(camera, CONFIG.registration, DescriptorMatcher(CONFIG.registration))
-
-
-@pytest.fixture(scope="module")
-def frames(tiny_capture: Path) -> list[Frame]:
-    capture = open_capture(tiny_capture, CONFIG.capture)
-    return [capture.read(k) for k in range(6)]
 
 
 @pytest.fixture(scope="module")

@@ -11,9 +11,6 @@ from vnav.core.frame import Features, Frame
 from vnav.core.mapping import FrameTable, Keyframe, Odometry
 from vnav.features import front_end
 from vnav.features.lifting import lift
-from vnav.features.matching import DescriptorMatcher
-from vnav.io.capture import open_capture
-from vnav.io.rectify import rectified
 from vnav.io.trajectories import read_tum
 from vnav.registration import Sensor
 from vnav.stages.tracking import Motion, Tracker
@@ -80,18 +77,6 @@ def test_nothing_is_expected_of_another_track() -> None:
     motion.follow(2, {})
     assert motion.predicted(1) is None
     assert motion.predicted(2) is not None
-
-
-@pytest.fixture(scope="module")
-def frames(tiny_capture: Path) -> list[Frame]:
-    capture = open_capture(tiny_capture, CONFIG.capture)
-    return [capture.read(k) for k in range(FRAMES)]
-
-
-@pytest.fixture(scope="module")
-def sensor(tiny_capture: Path) -> Sensor:
-    camera = rectified(open_capture(tiny_capture, CONFIG.capture).camera)
-    return Sensor(camera, CONFIG.registration, DescriptorMatcher(CONFIG.registration))
 
 
 @pytest.fixture(scope="module")
