@@ -86,12 +86,12 @@ def predict(view: View, atlas: Atlas) -> Prediction:
 def reprojected(rows: Rows, view: View, atlas: Atlas) -> Prediction:
     """Where a view sees the landmarks of some rows: those in the image, large enough for SIFT."""
     points = atlas.index.points_world[atlas.index.owner[rows]]
-    px, _ = view.project(points)
+    px, depth = view.project(points)
     tip, _ = view.project(points + atlas.index.patch_world[rows])
     prediction = Prediction(rows, px, tip - px)
     radius = np.linalg.norm(prediction.patch_px, axis=1)
     fits = (radius > MIN_RADIUS_PX) & (radius < max(view.intrinsics.size) / 4)
-    return prediction[fits & _inside(view, points)]
+    return prediction[fits & _in_image(px, depth, view)]
 
 
 def keyframes_around(view: View, index: MapIndex) -> Rows:
@@ -135,7 +135,10 @@ def matched(hits: Hits, prediction: Prediction, atlas: Atlas) -> Matches:
 
 def _inside(view: View, points: NDArray[np.float32]) -> NDArray[np.bool_]:
     """Which points (N, 3) project into the image."""
-    px, depth = view.project(points)
+    return _in_image(*view.project(points), view)
+
+
+def _in_image(px: Array, depth: Array, view: View) -> NDArray[np.bool_]:
     return np.asarray((depth > 0) & (px >= 0).all(1) & (px < view.intrinsics.size).all(1))
 
 

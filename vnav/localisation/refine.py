@@ -45,13 +45,21 @@ class Sightings:
 
 @dataclass(frozen=True)
 class Refined:
-    """A view and the covariance of its parameters, (6, 6), or (7, 7) with the log focal length.
+    """A view, the information (6, 6) of its parameters, and how far residuals exceed it.
 
-    Tangent of ``T_world_camera``, rotation first.
+    Tangent of ``T_world_camera``, rotation first; (7, 7) with the log focal length. ``spread``:
+    the residuals' variance by what was told of it.
     """
 
     view: View
-    covariance: Array
+    information: Array
+    spread: float
+
+    @property
+    def covariance(self) -> Array:
+        """Of the same parameters."""
+        inverse = np.linalg.pinv(self.information, hermitian=True)
+        return np.asarray(inverse * self.spread, float)
 
 
 def refine(view: View, seen: Sightings, lens: Lens) -> Refined:
@@ -75,8 +83,7 @@ def refine(view: View, seen: Sightings, lens: Lens) -> Refined:
         if converged:
             break
     freedom = max(0, 2 * len(seen.px) - len(H))
-    spread = (ASSUMED + cost) / (ASSUMED + freedom)
-    return Refined(view, np.asarray(np.linalg.pinv(H, hermitian=True) * spread, float))
+    return Refined(view, H, (ASSUMED + cost) / (ASSUMED + freedom))
 
 
 def _normal(view: View, seen: Sightings, lens: Lens) -> tuple[Array, Array, float]:
