@@ -42,7 +42,7 @@ def test_help_loads_no_heavy_library(arguments: list[str], tmp_path: Path) -> No
 def test_locate_loads_neither_open3d_nor_sklearn(whole_map: Path, tiny_capture: Path) -> None:
     photo = tiny_capture / "photos" / "000.jpg"
     heavy = loaded("locate", photo, "--map", whole_map, cwd=whole_map)
-    assert not heavy & {"open3d", "sklearn", "matplotlib", "numba", "octomap"}
+    assert not heavy & {"open3d", "sklearn", "matplotlib", "octomap"}
 
 
 def test_plan_loads_neither_open3d_nor_sklearn(whole_map: Path, tiny_capture: Path) -> None:

@@ -26,7 +26,7 @@ class Atlas:
     def database(self) -> Database:
         """The landmarks' descriptors and where the landmarks are."""
         i = self.index
-        return Database(i.descriptors, i.half_norm, i.points_world[i.owner], APART_M)
+        return Database(i.descriptors, i.points_world[i.owner], APART_M)
 
     @cached_property
     def home(self) -> NDArray[np.int32]:

@@ -13,7 +13,7 @@ from vnav.core.frame import Features
 from vnav.core.map_index import ranges, spans_of
 from vnav.core.tree import VocabularyTree
 from vnav.localisation.refine import Lens
-from vnav.localisation.words import Database, half_norms
+from vnav.localisation.words import Database
 
 Rows = NDArray[np.intp]
 
@@ -35,9 +35,8 @@ class Photo:
     @cached_property
     def database(self) -> Database:
         """The features as what landmarks are searched in."""
-        descriptors = self.features.descriptors
-        position, values = self.features.keypoints_px, descriptors.astype(np.float32)
-        return Database(values, half_norms(descriptors), position, SAME_KEYPOINT_PX)
+        f = self.features
+        return Database(f.descriptors, f.keypoints_px, SAME_KEYPOINT_PX)
 
     @property
     def intrinsics(self) -> Intrinsics:

@@ -1,17 +1,15 @@
-"""Nearest descriptors among those that share a word."""
+"""Nearest descriptors among those that share a word; compiled: only few pairs share one."""
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
+
+from vnav.core.arrays import frozen
 
 Floats = NDArray[np.float32]
 Rows = NDArray[np.intp]
-
-PAIRS = 16000  # of query and candidate whose descriptors stay in the cache
-SHARED = 3  # queries of one range, on average, that are compared in one product
-LONGER = 1.5  # a range than the shortest of its part, at most, and by one
 
 
 @dataclass(frozen=True)
@@ -19,14 +17,17 @@ class Database:
     """Descriptors (D, 128), bytes, in the order of the tree's leaves, and where each lies.
 
     Two descriptors whose ``position`` (D, k) differs by less than ``apart`` in every coordinate
-    may be of the same thing: one is no rival of the other. ``half_norm`` (D,): half the squared
-    length of each.
+    may be of the same thing: one is no rival of the other.
     """
 
-    descriptors: NDArray[np.uint8] | Floats
-    half_norm: Floats
+    descriptors: NDArray[np.uint8]
     position: Floats
     apart: float
+
+    def __post_init__(self) -> None:
+        n = len(self.descriptors)
+        object.__setattr__(self, "descriptors", frozen(self.descriptors, np.uint8, (n, None)))
+        object.__setattr__(self, "position", frozen(self.position, np.float32, (n, None)))
 
 
 def half_norms(descriptors: NDArray[np.uint8]) -> Floats:
@@ -43,73 +44,52 @@ def nearest_apart(
     ``queries`` (Q, 128), ``span`` (Q, 2), none empty. Each row lies elsewhere than the nearer ones;
     where there are no more, the distance is inf. Linear search, as in claim 4, 2.4.
     """
-    rows = np.zeros((len(queries), count), np.intp)
-    squared = np.zeros((len(queries), count), np.float32)
-    for part in _parts(span):
-        rows[part], squared[part] = _nearest_apart(queries[part], span[part], database, count)
+    db = database
+    rows, squared = _nearest_apart(queries, span, db.descriptors, db.position, db.apart, count)
     return rows, np.sqrt(squared)
 
 
-def _parts(span: NDArray[np.int32]) -> Iterator[Rows]:
-    """The ranges in parts of about the same length, small enough for the processor's cache."""
-    length = span[:, 1] - span[:, 0]
-    order = np.lexsort((span[:, 0], length))
-    ascending, first = length[order], 0
-    while first < len(order):
-        longest = int(LONGER * ascending[first]) + 1
-        alike = int(ascending.searchsorted(longest, "right"))
-        last = min(alike, first + max(1, PAIRS // longest))
-        yield order[first:last]
-        first = last
+def load_compiled() -> None:
+    """What the first call of anything compiled does: load numba's library, a third of a second."""
+    squared_distance(np.zeros(1, np.uint8), np.zeros(1, np.uint8))
 
 
+@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
 def _nearest_apart(
-    queries: NDArray[np.uint8], span: NDArray[np.int32], database: Database, count: int
+    queries: NDArray[np.uint8],
+    span: NDArray[np.int32],
+    descriptors: NDArray[np.uint8],
+    position: Floats,
+    apart: float,
+    count: int,
 ) -> tuple[Rows, Floats]:
-    """The same for ranges of about the same length, with squared distances."""
-    length = span[:, 1] - span[:, 0]
-    slot = np.arange(length.max())
-    row = span[:, :1] + np.minimum(slot, length[:, None] - 1)  # short ranges repeat their last
-    half = _half_distances(queries, span, row, database)
-    half[slot >= length[:, None]] = np.inf
-    nearest = np.zeros((count, len(row)), np.intp)
-    least = np.zeros((count, len(row)), np.float32)
-    for k in range(count):
-        left = np.arange(len(row))
-        while len(left):
-            at = half[left].argmin(1)
-            nearest[k, left], least[k, left] = row[left, at], half[left, at]
-            half[left, at] = np.inf
-            left = left[_beside(nearest[:, left], k, database) & np.isfinite(least[k, left])]
-    return nearest.T, 2 * (least.T + half_norms(queries)[:, None])
+    rows = np.empty((len(queries), count), np.intp)
+    squared = np.full((len(queries), count), np.inf, np.float32)
+    left = np.empty((span[:, 1] - span[:, 0]).max() if len(span) else 0, np.float32)
+    for q in range(len(queries)):
+        begin, end = span[q]
+        rows[q] = begin
+        for row in range(begin, end):
+            left[row - begin] = squared_distance(queries[q], descriptors[row])
+        for k in range(count):
+            nearest = begin + left[: end - begin].argmin()
+            if left[nearest - begin] == np.inf:
+                break
+            rows[q, k], squared[q, k] = nearest, left[nearest - begin]
+            for row in range(begin, end):
+                for d in range(position.shape[1]):
+                    if not abs(position[row, d] - position[nearest, d]) < apart:
+                        break
+                else:
+                    left[row - begin] = np.inf
+    return rows, squared
 
 
-def _beside(nearest: Rows, k: int, database: Database) -> NDArray[np.bool_]:
-    """Where the k-th of the rows (count, Q) may be of the same thing as one before it."""
-    found = np.zeros(nearest.shape[1], bool)
-    for before in nearest[:k]:
-        offset = np.abs(database.position[nearest[k]] - database.position[before])
-        found |= offset.max(1) < database.apart
-    return found
-
-
-def _half_distances(
-    queries: NDArray[np.uint8], span: NDArray[np.int32], row: Rows, database: Database
-) -> Floats:
-    """Half the squared distances (Q, n) to rows (Q, n), but for half the query's squared length.
-
-    Exact in float32: sums of products of bytes stay below 2^24. Where queries, sorted by their
-    range, share it, they share a product.
-    """
-    values, described = queries.astype(np.float32), database.descriptors
-    first = np.flatnonzero(np.append(True, span[1:, 0] != span[:-1, 0]))
-    if SHARED * len(first) > len(span):
-        candidates = described.take(row, 0).astype(np.float32, copy=False)
-        product = np.matmul(candidates, values[:, :, None])[:, :, 0]
-    else:
-        product = np.zeros(row.shape, np.float32)
-        last = np.append(first[1:], len(span))
-        for low, high, (begin, end) in zip(first, last, span[first].tolist(), strict=True):
-            candidates = described[begin:end].astype(np.float32, copy=False)
-            product[low:high, : end - begin] = values[low:high] @ candidates.T
-    return np.asarray(database.half_norm.take(row) - product)
+@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+def squared_distance(a: NDArray[np.uint8], b: NDArray[np.uint8]) -> int:
+    """Exact; without a way out of the loop, so that it is done many bytes at a time."""
+    total = np.int32(0)
+    for d in range(len(a)):
+        difference = np.int32(a[d]) - np.int32(b[d])
+        total += difference * difference
+    return int(total)

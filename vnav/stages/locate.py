@@ -6,6 +6,7 @@ import time
 from collections.abc import Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
+from threading import Thread
 
 import cv2
 import numpy as np
@@ -25,6 +26,7 @@ from vnav.localisation.atlas import Atlas
 from vnav.localisation.localise import Located, NotLocated, localise, own_focal
 from vnav.localisation.photo import prepare
 from vnav.localisation.query import Query
+from vnav.localisation.words import load_compiled
 from vnav.stages.answer import Answer, Unreadable
 from vnav.stages.capture_quality import BLURRED, DARK, blur
 
@@ -39,6 +41,7 @@ class Locator:
 
     def __init__(self, folder: MapFolder, config: Config, camera: Path | str | None = None) -> None:
         """``camera``: of all photos, a camera.toml or "auto"; None: see `photo_camera`."""
+        Thread(target=load_compiled).start()  # while the index is read and features are found
         self.atlas = Atlas(load_index(folder), load_tree(folder))
         self._config, self._camera = config, camera
         self._map_cameras = [map_camera(folder, k) for k in range(len(folder.captures))]
