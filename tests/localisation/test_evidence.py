@@ -34,7 +34,7 @@ def scene(world):
 def chance(scene, rows) -> float:
     """Probability of the pose where these predicted rows are found."""
     photo, prediction = scene
-    hits = Hits(rows, rows, np.zeros(len(rows), np.float32), np.zeros(len(rows)))
+    hits = Hits(rows, rows, np.zeros(len(rows), np.float32))
     return float(posterior([evidence(counted(prediction, hits, photo))])[0])
 
 
@@ -57,7 +57,7 @@ def test_as_many_in_one_corner_speak_for_it_less_than_everywhere(scene):
 def test_where_the_map_predicts_nothing_a_pose_is_one_of_many_tries(scene):
     """A pose that hides everything has nothing to show for it."""
     photo, prediction = scene
-    none = Hits(np.arange(0), np.arange(0), np.zeros(0, np.float32), np.zeros(0))
+    none = Hits(np.arange(0), np.arange(0), np.zeros(0, np.float32))
     nowhere = prediction[np.zeros(len(prediction), bool)]
     found = evidence(counted(nowhere, none, photo))
     assert posterior([found])[0] == pytest.approx(1 / (1 + TRIES))
@@ -89,7 +89,8 @@ def test_where_the_photo_shows_nothing_nothing_is_missed(scene):
     rows = np.arange(0, len(prediction), 3)
     left = prediction.px[:, 0] < 320
     covered = dataclasses.replace(photo, features=photo.features[~left])
-    hits = Hits(rows, rows, np.zeros(len(rows), np.float32), np.zeros(len(rows)))[~left[rows]]
+    rows = rows[~left[rows]]
+    hits = Hits(rows, rows, np.zeros(len(rows), np.float32))
     counts = counted(prediction, hits, covered).reshape(2, ROWS, COLUMNS)
     assert (counts[:, :, : COLUMNS // 2] == 0).all()
     assert posterior([evidence(counts.reshape(2, -1))])[0] > 0.95

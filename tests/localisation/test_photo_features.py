@@ -11,17 +11,6 @@ def features_of(world, seed=0):
     return world.seen(world.looking((0, 0, 1.4), 0), world.things, rng)[0]
 
 
-def test_features_near_a_place_are_those_within_the_radius(world):
-    photo = prepare(features_of(world), world.camera, 0.0, world.atlas.tree)
-    px = np.random.default_rng(1).uniform([0, 0], [639.9, 479.9], (300, 2))
-    place, feature = photo.near(px, 17.0)
-    distance = np.linalg.norm(px[:, None] - photo.features.keypoints_px, axis=2)
-    expected = {(int(p), int(f)) for p, f in zip(*np.nonzero(distance < 17.0), strict=True)}
-    pairs = list(zip(place.tolist(), feature.tolist(), strict=True))
-    assert len(pairs) == len(set(pairs))
-    assert set(pairs) == expected
-
-
 def test_each_node_knows_its_features(world):
     photo = prepare(features_of(world), world.camera, 0.0, world.atlas.tree)
     for row, path in enumerate(photo.paths):
@@ -47,4 +36,4 @@ def test_distortion_is_taken_out(world):
 
 def test_no_features_are_legal(world):
     photo = prepare(features_of(world)[np.arange(0)], world.camera, 0.0, world.atlas.tree)
-    assert len(photo.near(np.array([[10.0, 10.0]]), 5.0)[0]) == 0
+    assert len(photo.buckets(5.0).order) == 0

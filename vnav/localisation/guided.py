@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
 from vnav.core.map_index import MapIndex
@@ -10,7 +11,8 @@ from vnav.localisation.atlas import Atlas
 from vnav.localisation.hidden import hidden
 from vnav.localisation.matches import Matches
 from vnav.localisation.photo import Photo
-from vnav.localisation.view import View
+from vnav.localisation.view import MIN_DEPTH_M, View
+from vnav.localisation.words import squared_distance
 
 Array = NDArray[np.float64]
 Rows = NDArray[np.intp]
@@ -48,22 +50,12 @@ class Prediction:
 class Hits:
     """Pairs of predicted row (position in the prediction) and feature that agree; all (H,).
 
-    ``distance``: between descriptors; ``offset_px``: of the feature from its predicted place.
+    ``distance``: between descriptors.
     """
 
     predicted: Rows
     feature: Rows
     distance: NDArray[np.float32]
-    offset_px: Array
-
-    def __getitem__(self, chosen: NDArray[np.bool_]) -> "Hits":
-        """The chosen pairs."""
-        return Hits(
-            self.predicted[chosen],
-            self.feature[chosen],
-            self.distance[chosen],
-            self.offset_px[chosen],
-        )
 
 
 def predict(view: View, atlas: Atlas) -> Prediction:
@@ -74,12 +66,8 @@ def predict(view: View, atlas: Atlas) -> Prediction:
     index = atlas.index
     rows = atlas.rows_of(index.landmarks_of(keyframes_around(view, index)))
     rows = rows[:: 1 + len(rows) // MAX_ROWS]
-    rows = rows[_inside(view, index.points_world[index.owner[rows]])]
-    which, keyframe = index.keyframes_of(index.owner[rows])
+    rows = rows[_seen_alike(index.owner[rows], view, index)]
     points = index.points_world[index.owner[rows]]
-    alike = _alike(view, points[which], index.T_world_keyframe[keyframe, :3, 3])
-    seen = np.bincount(which[alike], minlength=len(rows)) > 0
-    rows, points = rows[seen], points[seen]
     return reprojected(rows[~hidden(view, points, index.voxels)], view, atlas)
 
 
@@ -91,40 +79,32 @@ def reprojected(rows: Rows, view: View, atlas: Atlas) -> Prediction:
     prediction = Prediction(rows, px, tip - px)
     radius = np.linalg.norm(prediction.patch_px, axis=1)
     fits = (radius > MIN_RADIUS_PX) & (radius < max(view.intrinsics.size) / 4)
-    return prediction[fits & _in_image(px, depth, view)]
+    inside = (depth > 0) & (px >= 0).all(1) & (px < view.intrinsics.size).all(1)
+    return prediction[fits & inside]
 
 
 def keyframes_around(view: View, index: MapIndex) -> Rows:
     """The keyframes that share the most of the view, judged by a few landmarks of each."""
-    start, end = index.sees_start[:-1], index.sees_start[1:]
-    step = np.maximum((end - start) // PROBES, 1)[:, None]
-    probe = np.minimum(start[:, None] + step * np.arange(PROBES), end[:, None] - 1)
-    keyframe = np.repeat(np.arange(index.keyframes), PROBES)
-    points = index.points_world[index.sees[probe.ravel()]]
-    shared = _inside(view, points)
-    shared[shared] = _alike(view, points[shared], index.T_world_keyframe[keyframe[shared], :3, 3])
-    count = np.bincount(keyframe[shared], minlength=index.keyframes) * (end > start)
+    poses = index.T_world_keyframe
+    count: Rows = _shared(_eye(view), index.points_world, index.sees_start, index.sees, poses)
     best = np.argsort(-count, kind="stable")[:KEYFRAMES]
     return best[count[best] > 0]
 
 
 def hits(prediction: Prediction, photo: Photo, atlas: Atlas, radius_px: float) -> Hits:
     """Features near their predicted place, alike in size, orientation and descriptor."""
-    p, f = photo.near(prediction.px, radius_px)
     patch = prediction.patch_px
     octave = np.log2(2 * np.linalg.norm(patch, axis=1))
-    found_octave = np.log2(photo.features.scales_px)
-    alike = np.abs(octave.take(p) - found_octave.take(f)) < PATCH_OCTAVES
-    p, f = p[alike], f[alike]
-    angle = np.arctan2(patch[:, 1], patch[:, 0])
-    turn = np.abs(angle.take(p) - photo.features.angles_rad.take(f)) % (2 * np.pi)
-    alike = (turn < PATCH_TURN_RAD) | (turn > 2 * np.pi - PATCH_TURN_RAD)
-    p, f = p[alike], f[alike]
-    difference = atlas.index.descriptors.take(prediction.rows[p], 0).astype(np.float32)
-    difference -= photo.database.descriptors.take(f, 0)
-    distance = np.sqrt(np.einsum("ij,ij->i", difference, difference))
-    offset = np.linalg.norm(photo.features.keypoints_px[f] - prediction.px[p], axis=1)
-    return Hits(p, f, distance, offset)[distance < atlas.index.stranger]
+    angle = np.arctan2(patch[:, 1], patch[:, 0]) % (2 * np.pi)
+    buckets = photo.buckets(radius_px)
+    p, f, distance = _hits(
+        np.column_stack([prediction.px, octave, angle]),
+        photo.looks[buckets.order],
+        (buckets.start, buckets.order, buckets.columns),
+        (prediction.rows, atlas.index.descriptors, photo.features.descriptors),
+        (radius_px, float(atlas.index.stranger[0])),
+    )
+    return Hits(p, f, distance)
 
 
 def matched(hits: Hits, prediction: Prediction, atlas: Atlas) -> Matches:
@@ -133,21 +113,135 @@ def matched(hits: Hits, prediction: Prediction, atlas: Atlas) -> Matches:
     return Matches(hits.feature, rows, atlas.index.owner[rows], hits.distance).one_to_one()
 
 
-def _inside(view: View, points: NDArray[np.float32]) -> NDArray[np.bool_]:
-    """Which points (N, 3) project into the image."""
-    return _in_image(*view.project(points), view)
-
-
-def _in_image(px: Array, depth: Array, view: View) -> NDArray[np.bool_]:
-    return np.asarray((depth > 0) & (px >= 0).all(1) & (px < view.intrinsics.size).all(1))
-
-
-def _alike(view: View, points: NDArray[np.float32], centres: Array) -> NDArray[np.bool_]:
-    """Which points (N, 3) a camera at its centre (N, 3) sees from a like direction and distance."""
-    ours, theirs = view.centre_world - points, centres - points
-    product, our_squared, their_squared = (
-        np.einsum("ij,ij->i", a, b) for a, b in ((ours, theirs), (ours, ours), (theirs, theirs))
+def _seen_alike(landmarks: NDArray[np.int32], view: View, index: MapIndex) -> NDArray[np.bool_]:
+    """Which landmarks (N,) are in the image, and seen by a keyframe from a like viewpoint."""
+    seen: NDArray[np.bool_] = _seen(
+        _eye(view),
+        landmarks,
+        index.points_world,
+        index.seen_start,
+        index.seen_by,
+        index.T_world_keyframe,
     )
-    like_direction = product > MAX_TURN * np.sqrt(our_squared * their_squared)
-    ratio, most = our_squared / their_squared, 4**MAX_OCTAVES
-    return np.asarray(like_direction & (ratio < most) & (ratio > 1 / most))
+    return seen
+
+
+def _eye(view: View) -> tuple[Array, Array, Array]:
+    """The view for compiled code: ``T_camera_world``, the centre, and fx, fy, cx, cy, size."""
+    k = view.intrinsics
+    camera = np.array([k.fx, k.fy, k.cx, k.cy, k.width, k.height])
+    return np.ascontiguousarray(view.T_camera_world), view.T_world_camera[:3, 3].copy(), camera
+
+
+@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+def _seen(
+    eye: tuple[Array, Array, Array],
+    landmarks: NDArray[np.int32],
+    points: NDArray[np.float32],
+    seen_start: NDArray[np.int32],
+    seen_by: NDArray[np.int32],
+    T_world_keyframe: Array,
+) -> NDArray[np.bool_]:
+    """See `_seen_alike`."""
+    seen = np.zeros(len(landmarks), np.bool_)
+    for n in range(len(landmarks)):
+        landmark = landmarks[n]
+        if not _inside(eye, points[landmark]):
+            continue
+        for row in range(seen_start[landmark], seen_start[landmark + 1]):
+            if _alike(points[landmark], eye[1], T_world_keyframe[seen_by[row]]):
+                seen[n] = True
+                break
+    return seen
+
+
+@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+def _shared(
+    eye: tuple[Array, Array, Array],
+    points: NDArray[np.float32],
+    sees_start: NDArray[np.int32],
+    sees: NDArray[np.int32],
+    T_world_keyframe: Array,
+) -> Rows:
+    """How many of each keyframe's probes (K,) the view sees from a like viewpoint."""
+    count = np.zeros(len(T_world_keyframe), np.intp)
+    for k in range(len(count)):
+        begin, end = sees_start[k], sees_start[k + 1]
+        step = max((end - begin) // PROBES, 1)
+        for n in range(PROBES if end > begin else 0):
+            point = points[sees[min(begin + step * n, end - 1)]]
+            if _inside(eye, point) and _alike(point, eye[1], T_world_keyframe[k]):
+                count[k] += 1
+    return count
+
+
+@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+def _inside(eye: tuple[Array, Array, Array], point: NDArray[np.float32]) -> bool:
+    """Whether a point (3,) projects into the image."""
+    T, _, (fx, fy, cx, cy, width, height) = eye
+    X, Y, Z = point
+    depth = T[2, 0] * X + T[2, 1] * Y + T[2, 2] * Z + T[2, 3]
+    if not depth > 0:
+        return False
+    z = max(depth, MIN_DEPTH_M)
+    x = fx * (T[0, 0] * X + T[0, 1] * Y + T[0, 2] * Z + T[0, 3]) / z + cx
+    y = fy * (T[1, 0] * X + T[1, 1] * Y + T[1, 2] * Z + T[1, 3]) / z + cy
+    return bool(x >= 0 and y >= 0 and x < width and y < height)
+
+
+@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+def _alike(point: NDArray[np.float32], centre: Array, T_world_keyframe: Array) -> bool:
+    """Whether a keyframe sees a point (3,) from a like direction and distance as our centre."""
+    product, our_squared, their_squared = 0.0, 0.0, 0.0
+    for k in range(3):
+        ours, theirs = centre[k] - point[k], T_world_keyframe[k, 3] - point[k]
+        product += ours * theirs
+        our_squared += ours * ours
+        their_squared += theirs * theirs
+    if not product > MAX_TURN * np.sqrt(our_squared * their_squared):
+        return False
+    most = 4**MAX_OCTAVES
+    return bool(our_squared < most * their_squared and their_squared < most * our_squared)
+
+
+@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+def _hits(
+    predicted: Array,
+    found: Array,
+    buckets: tuple[Rows, Rows, int],
+    described: tuple[Rows, NDArray[np.uint8], NDArray[np.uint8]],
+    limits: tuple[float, float],
+) -> tuple[Rows, Rows, NDArray[np.float32]]:
+    """Pairs that agree: of predicted, of found, and distance.
+
+    ``predicted`` (P, 4), ``found`` (N, 4) in the buckets' order: x, y, octave, and angle below
+    2 pi.
+    """
+    start, order, columns = buckets
+    rows, descriptors, of_photo = described
+    radius, stranger = limits
+    pairs = [(0, 0, np.float32(0)) for _ in range(0)]
+    for p in range(len(predicted)):
+        x, y, octave, angle = predicted[p]
+        cell = (int(np.floor(y / radius)) + 1) * columns + int(np.floor(x / radius)) + 1
+        for side in (cell - columns, cell, cell + columns):
+            # Three cells side by side are one run of the sorted features.
+            for place in range(start[side - 1], start[side + 2]):
+                dx, dy = found[place, 0] - x, found[place, 1] - y
+                turn = abs(angle - found[place, 3])
+                # One branch instead of several that cannot be foreseen.
+                if (
+                    (dx * dx + dy * dy < radius * radius)
+                    & (abs(octave - found[place, 2]) < PATCH_OCTAVES)
+                    & ((turn < PATCH_TURN_RAD) | (turn > 2 * np.pi - PATCH_TURN_RAD))
+                ):
+                    f = order[place]
+                    squared = squared_distance(descriptors[rows[p]], of_photo[f])
+                    distance = np.sqrt(np.float32(squared))
+                    if distance < stranger:
+                        pairs.append((p, f, distance))
+    return (
+        np.array([p for p, _, _ in pairs], np.intp),
+        np.array([f for _, f, _ in pairs], np.intp),
+        np.array([distance for _, _, distance in pairs], np.float32),
+    )

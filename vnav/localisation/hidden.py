@@ -1,34 +1,59 @@
 """What stands before what: landmarks that a view cannot see though they lie in its direction."""
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
 from vnav.core.voxels import Voxels
 from vnav.localisation.view import View
+
+Array = NDArray[np.float64]
 
 FROM_M = 0.15  # the camera itself may touch what it stands on
 BEFORE_M, BEFORE = 0.20, 0.05  # so near to the landmark, and this share of the way, is the landmark
 
 
 def hidden(view: View, points_world: NDArray[np.float32], voxels: Voxels) -> NDArray[np.bool_]:
-    """Which points (N, 3) stand behind something: the way to them is sampled once a voxel.
-
-    Samples are left out where nothing can stand: nearer than what is known to be nearest.
-    """
-    way = points_world - view.centre_world
-    distance = np.linalg.norm(way, axis=1)
-    last = (distance * (1 - BEFORE) - BEFORE_M - FROM_M) / voxels.edge_m  # in voxels, from FROM_M
-    start = (view.centre_world - voxels.origin)[:, None] / voxels.edge_m
-    direction = (way / np.maximum(distance, FROM_M)[:, None]).T
-    start = start + direction * (FROM_M / voxels.edge_m)
-    blocked = np.zeros(len(way), bool)
-    rays = np.flatnonzero(last > 0)
-    start, direction, last, at = start[:, rays], direction[:, rays], last[rays], np.zeros(len(rays))
-    while len(rays):
-        away = voxels.away_from(np.floor(start + direction * at).astype(np.intp))
-        blocked[rays[away == 0]] = True
-        at += away
-        on_way = np.flatnonzero((away > 0) & (at < last))
-        rays, at, last = rays[on_way], at[on_way], last[on_way]
-        start, direction = start[:, on_way], direction[:, on_way]
+    """Which points (N, 3) stand behind something: the way to them is sampled once a voxel."""
+    if not voxels.away.size:
+        return np.zeros(len(points_world), bool)
+    start = view.centre_world - voxels.origin
+    ways = points_world - view.centre_world
+    blocked: NDArray[np.bool_] = _blocked(start, ways, voxels.away, voxels.edge_m)
     return blocked
+
+
+@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+def _blocked(
+    start: Array, ways: Array, away: NDArray[np.uint8], edge_m: float
+) -> NDArray[np.bool_]:
+    """On which ways (N, 3) from the start something stands."""
+    blocked = np.zeros(len(ways), np.bool_)
+    direction, first = np.empty(3), np.empty(3)  # in voxels
+    for n in range(len(ways)):
+        x, y, z = ways[n]
+        distance = np.sqrt(x * x + y * y + z * z)
+        for k in range(3):
+            direction[k] = ways[n, k] / max(distance, FROM_M)
+            first[k] = start[k] / edge_m + direction[k] * (FROM_M / edge_m)
+        at, last = 0.0, (distance * (1 - BEFORE) - BEFORE_M - FROM_M) / edge_m
+        while at < last and not blocked[n]:
+            free = _free(first, direction, at, away)
+            blocked[n] = free == 0
+            at += free
+    return blocked
+
+
+@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+def _free(first: Array, direction: Array, at: float, away: NDArray[np.uint8]) -> int:
+    """How far from there, in voxels, nothing stands: no sample is needed before.
+
+    From outside of the voxels, as far as they begin.
+    """
+    row, outside = 0, 0
+    for k in range(3):
+        cell = int(np.floor(first[k] + direction[k] * at))
+        inner = min(max(cell, 0), away.shape[k] - 1)
+        outside = max(outside, abs(cell - inner))
+        row = row * away.shape[k] + inner
+    return outside if outside > 0 else int(away.flat[row])

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from vnav.core.camera import Intrinsics
 from vnav.core.frame import Features
-from vnav.core.map_index import ranges, spans_of
+from vnav.core.map_index import spans_of
 from vnav.core.tree import VocabularyTree
 from vnav.localisation.refine import Lens
 from vnav.localisation.words import Database
@@ -35,8 +35,7 @@ class Photo:
     @cached_property
     def database(self) -> Database:
         """The features as what landmarks are searched in."""
-        f = self.features
-        return Database(f.descriptors, f.keypoints_px, SAME_KEYPOINT_PX)
+        return Database(self.features.descriptors, self.features.keypoints_px, SAME_KEYPOINT_PX)
 
     @property
     def intrinsics(self) -> Intrinsics:
@@ -48,25 +47,19 @@ class Photo:
         """A pixel of an image 640 wide, in pixels of this one: what thresholds are scaled by."""
         return max(self.intrinsics.size) / 640
 
-    def near(self, px: NDArray[np.float64], radius_px: float) -> tuple[Rows, Rows]:
-        """Pairs: row of ``px`` (P, 2), in the image, and a feature within the radius of it."""
-        buckets = self._buckets(radius_px)
-        # Three cells side by side are one run of the sorted features.
-        first = buckets.of(px)[:, None] + buckets.columns * np.array([-1, 0, 1])
-        source, place = ranges(buckets.start[first.ravel() - 1], buckets.start[first.ravel() + 2])
-        source //= 3
-        x, y = px.T
-        dx = buckets.x.take(place) - x.take(source)
-        dy = buckets.y.take(place) - y.take(source)
-        close = np.flatnonzero(dx * dx + dy * dy < radius_px**2)
-        return source[close], buckets.order[place[close]]
+    @cached_property
+    def looks(self) -> NDArray[np.float64]:
+        """Of each feature (N, 4): x, y, log2 of its size, and angle from 0 to 2 pi."""
+        f = self.features
+        angle = f.angles_rad.astype(float) % (2 * np.pi)
+        return np.column_stack([f.keypoints_px, np.log2(f.scales_px), angle]).astype(float)
 
-    def _buckets(self, radius_px: float) -> "Buckets":
-        """The features in cells of that edge; those of the radii that were asked for are kept."""
-        if radius_px not in self._bucketed:
+    def buckets(self, edge_px: float) -> "Buckets":
+        """The features in cells of that edge; those of the edges that were asked for are kept."""
+        if edge_px not in self._bucketed:
             px, size = self.features.keypoints_px.astype(float), self.intrinsics.size
-            self._bucketed[radius_px] = Buckets.filled(px, radius_px, size)
-        return self._bucketed[radius_px]
+            self._bucketed[edge_px] = Buckets.filled(px, edge_px, size)
+        return self._bucketed[edge_px]
 
     @cached_property
     def _bucketed(self) -> "dict[float, Buckets]":
@@ -77,15 +70,12 @@ class Photo:
 class Buckets:
     """Points sorted by the square cell of the image that they lie in; a cell is around it, empty.
 
-    ``order`` (N,): the points' numbers, ``x``, ``y`` (N,) where they are, ``start``: of each cell.
+    ``order`` (N,): the points' numbers, ``start``: where in it each cell begins.
     """
 
-    edge_px: float
     columns: int
     start: Rows
     order: Rows
-    x: NDArray[np.float64]
-    y: NDArray[np.float64]
 
     @classmethod
     def filled(cls, px: NDArray[np.float64], edge_px: float, size: tuple[int, int]) -> "Buckets":
@@ -95,13 +85,7 @@ class Buckets:
         bucket = cell[:, 1] * columns + cell[:, 0]
         order = np.argsort(bucket, kind="stable")
         start = np.append(0, np.cumsum(np.bincount(bucket, minlength=columns * rows)))
-        x, y = np.ascontiguousarray(px[order].T)
-        return cls(edge_px, columns, start, order, x, y)
-
-    def of(self, px: NDArray[np.float64]) -> Rows:
-        """The cell (P,) of each point (P, 2) in the image."""
-        column, row = np.floor(px / self.edge_px).astype(np.intp).T + 1
-        return np.asarray(row * self.columns + column)
+        return cls(columns, start, order)
 
 
 def prepare(
