@@ -8,6 +8,7 @@ import dataclasses
 from dataclasses import dataclass
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
 from vnav.core.camera import Intrinsics
@@ -65,21 +66,19 @@ def _agree_by(
 ) -> list[Consensus]:
     """The consensus that minimal sets of one kind lead to, if one does."""
     points, px = seen.points_world.astype(float), seen.px.astype(float)
+    K = lens.intrinsics
+    camera = K.fx, K.fy, K.cx, K.cy, terms.threshold_px
     needed = min(terms.iterations, _draws(terms.least / max(len(px), 1), minimal.size))
     best: View | None = None
-    best_score, drawn = np.inf, 0
+    best_cost, drawn = np.inf, 0
     while drawn < needed and len(px) >= terms.least:
         rows = _minimal_sets(len(px), minimal.size, rng)
         poses, factors = minimal.solve(lens, points[rows], px[rows])
         drawn += BATCH
-        if not len(poses):
-            continue
-        errors = _errors(poses, factors, lens.intrinsics, seen) / terms.threshold_px**2
-        score = np.minimum(errors, 1).sum(1)
-        k = int(score.argmin())
-        if score[k] < best_score:
-            best, best_score = _view(poses[k], factors[k], lens.intrinsics), score[k]
-            needed = min(needed, _draws((errors[k] < 1).mean(), minimal.size))
+        k, cost, agreeing = _best(poses, factors, camera, points, px, best_cost)
+        if k >= 0:
+            best, best_cost = _view(poses[k], factors[k], lens.intrinsics), cost
+            needed = min(needed, _draws(agreeing / len(px), minimal.size))
     return [] if best is None else _locally_optimised(best, lens, seen, terms)
 
 
@@ -111,21 +110,40 @@ def _minimal_sets(count: int, size: int, rng: np.random.Generator) -> NDArray[np
     return np.argpartition(keys, size - 1, 1)[:, :size]
 
 
-def _errors(poses: Array, focal: Array, k: Intrinsics, seen: Sightings) -> Array:
-    """Squared reprojection errors (H, M) in pixels, inf behind the camera."""
-    K = np.zeros((len(poses), 3, 3))
-    K[:, 0, 0], K[:, 1, 1], K[:, 2, 2] = k.fx * focal, k.fy * focal, 1
-    K[:, 0, 2], K[:, 1, 2] = k.cx, k.cy
-    P = np.swapaxes(K @ poses, 0, 1).reshape(-1, 4)
-    points = np.column_stack([seen.points_world, np.ones(len(seen.px))])
-    x, y, z = (P @ points.T).reshape(3, len(poses), -1)
-    front = z > MIN_DEPTH_M
-    inverse_z = 1 / np.where(front, z, 1)
-    x *= inverse_z
-    x -= seen.px[:, 0]
-    y *= inverse_z
-    y -= seen.px[:, 1]
-    return np.where(front, x * x + y * y, np.inf)
+@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+def _best(
+    poses: Array,
+    factors: Array,
+    camera: tuple[float, float, float, float, float],
+    points_world: Array,
+    px: Array,
+    most: float,
+) -> tuple[int, float, int]:
+    """Which pose has the lowest cost, if below ``most``, else -1; its cost, and how many agree.
+
+    ``camera``: fx, fy, cx, cy, and the threshold, in pixels. The cost is the sum of the truncated
+    squared errors over the squared threshold; a pose is left where it exceeds the best.
+    """
+    fx, fy, cx, cy, threshold_px = camera
+    best, best_agreeing = -1, 0
+    for h in range(len(poses)):
+        P, focal, cost, agreeing = poses[h], factors[h], 0.0, 0
+        for m in range(len(px)):
+            X, Y, Z = points_world[m]
+            z = P[2, 0] * X + P[2, 1] * Y + P[2, 2] * Z + P[2, 3]
+            error = 1.0
+            if z > MIN_DEPTH_M:
+                x = P[0, 0] * X + P[0, 1] * Y + P[0, 2] * Z + P[0, 3]
+                y = P[1, 0] * X + P[1, 1] * Y + P[1, 2] * Z + P[1, 3]
+                u, v = fx * focal * x / z + cx - px[m, 0], fy * focal * y / z + cy - px[m, 1]
+                error = (u * u + v * v) / threshold_px**2
+            agreeing += error < 1
+            cost += min(error, 1.0)
+            if cost >= most:
+                break
+        else:
+            best, most, best_agreeing = h, cost, agreeing
+    return best, most, best_agreeing
 
 
 def _view(pose: Array, focal: float, k: Intrinsics) -> View:
