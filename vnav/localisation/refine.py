@@ -1,8 +1,9 @@
-"""Non-linear refinement of a camera's pose, and of its focal length where that is unknown."""
+"""Non-linear refinement of a camera's pose, and of its focal length where unknown; compiled."""
 
 from dataclasses import dataclass
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
 from vnav.core.camera import Intrinsics
@@ -88,38 +89,55 @@ def refine(view: View, seen: Sightings, lens: Lens) -> Refined:
 
 def _normal(view: View, seen: Sightings, lens: Lens) -> tuple[Array, Array, float]:
     """Information matrix, gradient and cost, each point weighted by Huber's kernel."""
-    J, r = _linearised(view, seen, lens.focal_sigma > 0)
-    size = np.sqrt(r[0] * r[0] + r[1] * r[1])
-    near = np.minimum(size, HUBER_SIGMAS)
-    weighted = J * (HUBER_SIGMAS / np.maximum(size, HUBER_SIGMAS))
-    weighted, J = weighted.reshape(len(J), -1), J.reshape(len(J), -1)
-    H, g = weighted @ J.T, weighted @ r.reshape(-1)
-    cost = float((near * (2 * size - near)).sum())
-    if lens.focal_sigma > 0:
-        off = np.log(view.intrinsics.fx / lens.intrinsics.fx) / lens.focal_sigma
-        H[6, 6] += lens.focal_sigma**-2
-        g[6] += off / lens.focal_sigma
-        cost += off**2
-    return H, g, cost
-
-
-def _linearised(view: View, seen: Sightings, with_focal: bool) -> tuple[Array, Array]:
-    """Residuals (2, N) over their standard deviation, and their Jacobian (6 or 7, 2, N).
-
-    ``T_world_camera @ exp(xi)`` moves a point p in the camera by hat(p) rotation - translation.
-    """
     k = view.intrinsics
-    p = view.T_camera_world[:3, :3] @ seen.points_world.T + view.T_camera_world[:3, 3:]
-    inverse_z = 1 / np.maximum(p[2], MIN_DEPTH_M)
-    x, y = p[0] * inverse_z, p[1] * inverse_z
-    weight = 1 / np.sqrt(seen.variance_px2)
-    u, v = k.fx * weight, k.fy * weight
-    r = np.stack([k.fx * x + k.cx - seen.px[:, 0], k.fy * y + k.cy - seen.px[:, 1]]) * weight
-    J = np.zeros((7 if with_focal else 6, 2, len(x)))
-    J[0, 0], J[1, 0], J[2, 0] = x * y * u, (-1 - x * x) * u, y * u
-    J[0, 1], J[1, 1], J[2, 1] = (1 + y * y) * v, -x * y * v, -x * v
-    J[3, 0], J[5, 0] = -inverse_z * u, x * inverse_z * u
-    J[4, 1], J[5, 1] = -inverse_z * v, y * inverse_z * v
-    if with_focal:
-        J[6, 0], J[6, 1] = x * u, y * v
-    return J, r
+    camera = float(k.fx), float(k.fy), float(k.cx), float(k.cy)
+    H, g, cost = _sums(
+        view.T_camera_world, camera, seen.points_world, seen.px, 1 / np.sqrt(seen.variance_px2)
+    )
+    if lens.focal_sigma == 0:
+        return H[:6, :6], g[:6], cost
+    off = np.log(view.intrinsics.fx / lens.intrinsics.fx) / lens.focal_sigma
+    H[6, 6] += lens.focal_sigma**-2
+    g[6] += off / lens.focal_sigma
+    return H, g, cost + off**2
+
+
+@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+def _sums(
+    T: Array,
+    camera: tuple[float, float, float, float],
+    points: NDArray[np.float32],
+    px: NDArray[np.float32],
+    weight: Array,
+) -> tuple[Array, Array, float]:
+    """Information matrix (7, 7), gradient (7,) and cost, the focal length last.
+
+    Residuals are over their standard deviation. ``T_world_camera @ exp(xi)`` moves a point p in
+    the camera by hat(p) rotation - translation.
+    """
+    H, g, cost = np.zeros((7, 7)), np.zeros(7), 0.0
+    J_x, J_y = np.zeros(7), np.zeros(7)
+    fx, fy, cx, cy = camera
+    for m in range(len(points)):
+        X, Y, Z = points[m]
+        depth = T[2, 0] * X + T[2, 1] * Y + T[2, 2] * Z + T[2, 3]
+        inverse_z = 1 / max(depth, MIN_DEPTH_M)
+        x = (T[0, 0] * X + T[0, 1] * Y + T[0, 2] * Z + T[0, 3]) * inverse_z
+        y = (T[1, 0] * X + T[1, 1] * Y + T[1, 2] * Z + T[1, 3]) * inverse_z
+        r_x = (fx * x + cx - px[m, 0]) * weight[m]
+        r_y = (fy * y + cy - px[m, 1]) * weight[m]
+        u, v = fx * weight[m], fy * weight[m]
+        J_x[0], J_x[1], J_x[2] = x * y * u, (-1 - x * x) * u, y * u
+        J_y[0], J_y[1], J_y[2] = (1 + y * y) * v, -x * y * v, -x * v
+        J_x[3], J_x[5], J_x[6] = -inverse_z * u, x * inverse_z * u, x * u
+        J_y[4], J_y[5], J_y[6] = -inverse_z * v, y * inverse_z * v, y * v
+        length = np.sqrt(r_x * r_x + r_y * r_y)
+        near = min(length, HUBER_SIGMAS)
+        huber = HUBER_SIGMAS / max(length, HUBER_SIGMAS)
+        cost += near * (2 * length - near)
+        for i in range(7):
+            w_x, w_y = huber * J_x[i], huber * J_y[i]
+            g[i] += w_x * r_x + w_y * r_y
+            for j in range(7):
+                H[i, j] += w_x * J_x[j] + w_y * J_y[j]
+    return H, g, cost
