@@ -30,6 +30,13 @@ def test_every_landmark_of_the_map_is_indexed(folder: MapFolder) -> None:
     assert report.values["descriptors"] == len(found.descriptors) >= len(landmarks)
 
 
+def test_keyframes_are_found_again(folder: MapFolder) -> None:
+    report = index.run(folder, Config())
+    assert report.values["keyframes_asked"] == 5
+    assert report.values["keyframes_found"] == 5
+    assert report.lines[0].endswith("; 5 of 5 keyframes are found again")
+
+
 def test_what_is_occupied_stands_in_the_way(folder: MapFolder) -> None:
     index.run(folder, Config())
     leaves = Octree.read(folder.stage("fuse") / "occupancy.bt").leaves()

@@ -1,5 +1,7 @@
 """The index stage: landmarks, words and visibility, made ready for finding photos."""
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from vnav.config import Config
@@ -11,11 +13,16 @@ from vnav.io.artifacts import load_odometry, load_optimised, map_camera
 from vnav.io.index_file import write_index
 from vnav.io.map_folder import MapFolder
 from vnav.io.tree_file import load_tree
+from vnav.localisation.atlas import Atlas
 from vnav.localisation.indexing import MappedKeyframe, build
+from vnav.localisation.localise import Located, localise
+from vnav.localisation.photo import prepare
+from vnav.localisation.query import Query
 from vnav.stages.common import clock, finished, reused, settings_of
 from vnav.volumes.octree import Octree
 
 STAGE = "index"
+ASKED = 5  # keyframes that are sought in the finished index
 FORMAT = 2  # of index.npz: what was indexed by another one is indexed anew
 
 
@@ -32,14 +39,34 @@ def run(folder: MapFolder, config: Config, *, progress: Progress = silent) -> Re
     progress(STAGE, 0, 1)
     rng = np.random.default_rng([config.seed, 3])
     index = build(optimised.landmarks, keyframes, tree, _voxels(folder), config.index, rng)
+    found, asked = _found_again(Atlas(index, tree), keyframes, config)
     progress(STAGE, 1, 1)
 
     with folder.writing(STAGE, settings, inputs) as draft:
         write_index(draft, index)
 
     values = {"landmarks": len(index.points_world), "descriptors": len(index.descriptors)}
-    line = f"{values['landmarks']} landmarks under {values['descriptors']} descriptors"
+    values |= {"keyframes_asked": asked, "keyframes_found": found}
+    line = (
+        f"{values['landmarks']} landmarks under {values['descriptors']} descriptors;"
+        f" {found} of {asked} keyframes are found again"
+    )
     return finished(folder, Report(STAGE, values, (line,)), started)
+
+
+def _found_again(
+    atlas: Atlas, keyframes: Sequence[MappedKeyframe], config: Config
+) -> tuple[int, int]:
+    """How many of some keyframes are located by their own features, and how many of them there are.
+
+    What photos need is compiled by it, too, before the first of them waits for it.
+    """
+    mapped = [k for k in keyframes if np.isfinite(k.T_world_camera).all()]
+    chosen = mapped[:: max(1, len(mapped) // ASKED)][:ASKED]
+    photos = [prepare(k.keyframe.features, k.intrinsics, 0.0, atlas.tree) for k in chosen]
+    rng = np.random.default_rng(config.seed)
+    answers = [localise(Query(photo, atlas, config.locate), rng) for photo in photos]
+    return sum(isinstance(answer, Located) for answer in answers), len(chosen)
 
 
 def _voxels(folder: MapFolder) -> Voxels:
