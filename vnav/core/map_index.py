@@ -18,9 +18,8 @@ class MapIndex:
     ----------
     points_world, sigma_m
         (L, 3) and (L,) float32: the landmarks and their standard deviation.
-    descriptors, half_norm, owner
-        (D, 128) uint8, (D,) float32, (D,) int32: one mean descriptor per landmark and word, half
-        its squared length, and its landmark.
+    descriptors, owner
+        (D, 128) uint8 and (D,) int32: one mean descriptor per landmark and word, and its landmark.
     described_start, described
         (L + 1,) and (D,) int32: landmark l is described by the rows
         ``described[described_start[l]:described_start[l + 1]]`` of the descriptors.
@@ -52,7 +51,6 @@ class MapIndex:
     points_world: NDArray[np.float32]
     sigma_m: NDArray[np.float32]
     descriptors: NDArray[np.uint8]
-    half_norm: NDArray[np.float32]
     owner: NDArray[np.int32]
     described_start: NDArray[np.int32]
     described: NDArray[np.int32]
@@ -78,7 +76,6 @@ class MapIndex:
             "points_world": (np.float32, (landmarks, 3)),
             "sigma_m": (np.float32, (landmarks,)),
             "descriptors": (np.uint8, (descriptors, None)),
-            "half_norm": (np.float32, (descriptors,)),
             "owner": (np.int32, (descriptors,)),
             "described_start": (np.int32, (landmarks + 1,)),
             "described": (np.int32, (descriptors,)),

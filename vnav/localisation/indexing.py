@@ -14,7 +14,6 @@ from vnav.core.map_index import MapIndex, spans_of
 from vnav.core.mapping import Keyframe, Landmarks
 from vnav.core.tree import VocabularyTree
 from vnav.core.voxels import Voxels
-from vnav.localisation.words import half_norms
 
 Array = NDArray[np.float64]
 
@@ -58,7 +57,6 @@ def build(
         points_world=landmarks.points_world,
         sigma_m=landmarks.sigma_m,
         descriptors=means,
-        half_norm=half_norms(means),
         owner=owner,
         described_start=_starts(owner, len(landmarks)),
         described=np.argsort(owner, kind="stable").astype(np.int32),
@@ -166,7 +164,8 @@ def _stranger(
     """
     count = min(SAMPLE, len(descriptors))
     sample = np.sort(rng.choice(len(descriptors), count, replace=False)) if count else np.arange(0)
-    values, half_norm = descriptors.astype(np.float32), half_norms(descriptors)
+    values = descriptors.astype(np.float32)
+    half_norm = np.einsum("ij,ij->i", values, values) / 2
     alike_home = beside[home]
 
     def nearest(part: NDArray[np.intp]) -> NDArray[np.float32]:

@@ -30,12 +30,6 @@ class Database:
         object.__setattr__(self, "position", frozen(self.position, np.float32, (n, None)))
 
 
-def half_norms(descriptors: NDArray[np.uint8]) -> Floats:
-    """Half the squared length (D,) of each descriptor, exact."""
-    values = descriptors.astype(np.float32)
-    return np.asarray(np.einsum("ij,ij->i", values, values) / 2)
-
-
 def nearest_apart(
     queries: NDArray[np.uint8], span: NDArray[np.int32], database: Database, count: int
 ) -> tuple[Rows, Floats]:

@@ -23,7 +23,7 @@ from vnav.volumes.octree import Octree
 
 STAGE = "index"
 ASKED = 5  # keyframes that are sought in the finished index
-FORMAT = 2  # of index.npz: what was indexed by another one is indexed anew
+FORMAT = 3  # of index.npz: what was indexed by another one is indexed anew
 
 
 def run(folder: MapFolder, config: Config, *, progress: Progress = silent) -> Report:
