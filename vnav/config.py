@@ -69,9 +69,7 @@ class OdometryConfig:
     keyframe_shared: float = 0.5  # new keyframe below this share of the predecessor's inliers
     recent_keyframes: int = 10  # tried, newest first, when predecessor and last keyframe fail
     similar_keyframes: int = 5  # tried by appearance after those
-    max_loose_frames: int = (
-        30  # in a row, that all pixels together hold, but not in every direction
-    )
+    max_loose_frames: int = 30  # in a row, that all pixels hold, but not in every direction
 
 
 @dataclass(frozen=True)

@@ -22,9 +22,7 @@ from vnav.stages.given import noise
 from vnav.stages.landmarks import Adjusted, Tracks, adjust_landmarks
 
 Array = NDArray[np.float64]
-JOINED_SIGMAS = np.array(
-    [0.01, 0.01, 0.01, 0.03, 0.03, 0.03]
-)  # rad, m: of keyframes that loops close
+JOINED_SIGMAS = np.repeat([0.01, 0.03], 3)  # rad, m: between keyframes that loops close
 ALONG_FACTOR = 2.0  # noise of a way of edges over its sum: edges that share a frame err alike
 
 

@@ -37,8 +37,9 @@ class Tracker:
         """Follow the next frame; True where it is kept as a keyframe."""
         self._motion.approach(frame.stamp_s)
         found = self._follow(view, sensor)
-        dense = self._follow_densely(frame, sensor, found)
-        if dense and _are_weak(found):
+        weak = _are_weak(found)
+        dense = self._follow_densely(frame, sensor, found) if weak or self._dense.hanging else None
+        if dense and weak:
             self._motion.expect(dense.T_a_b)
             found = self._from_nearest(view, sensor) or found
         lifted = int(view.has_depth.sum())
@@ -88,9 +89,9 @@ class Tracker:
     def _follow_densely(
         self, frame: Frame, sensor: Sensor, found: dict[int, PoseEstimate]
     ) -> DenseEstimate | None:
-        """From the last frame, where features hold the frame weakly or the last hangs loosely."""
+        """From the last frame, near where features or the motion so far put this one."""
         last = self._dense.last
-        if last is None or not (_are_weak(found) or self._dense.hanging):
+        if last is None:
             return None
         predicted = found[last].T_a_b if last in found else self._motion.predicted(last)
         return self._dense.follow(frame, sensor, predicted)
