@@ -51,7 +51,8 @@ class RegistrationConfig:
     polish_radius_px: float = 8.0  # about where the motion found puts it
     pixel_sigma_px: float = 1.0
     depth_sigma_per_m2: float = 0.0014  # axial depth noise: sigma = this * z^2 (Khoshelham 2012)
-    depth_window_px: int = 5  # window of the plane fit that gives a keypoint its depth
+    depth_window_px: int = 9  # window of the plane fit that gives a keypoint its depth
+    edge_window_px: int = 5  # the same where the other holds a depth edge
     depth_of_either: bool = True  # a match counts that has depth in the later frame only
     ransac_threshold_px: float = 4.0
     ransac_iterations: int = 200
