@@ -180,6 +180,27 @@ def test_segments_are_joined_however_soon_one_follows_the_other(
     assert set(part.tolist()) == {0}
 
 
+def strict() -> Config:
+    """Settings under which nothing is a loop."""
+    return dataclasses.replace(CONFIG, loops=dataclasses.replace(CONFIG.loops, min_inliers=10_000))
+
+
+def test_keyframes_that_odometry_joined_need_no_more_matches_than_it_demands(
+    odometry: Odometry, tree: VocabularyTree, camera: Intrinsics
+) -> None:
+    found = loops.close(odometry, tree, [camera], strict())
+    apart = {v.j - v.i for v in found.verdicts if v.accepted}
+    assert apart == set(range(1, loops.NEIGHBOURS + 1))
+
+
+def test_segments_are_joined_by_what_a_loop_demands(
+    odometry: Odometry, tree: VocabularyTree, camera: Intrinsics
+) -> None:
+    half = first_frames(odometry, 24, cut=12)
+    found = loops.close(half, tree, [camera], strict())
+    assert {half.segment[e.i] == half.segment[e.j] for e in found.edges} == {True}
+
+
 def test_one_keyframe_has_no_loop(
     odometry: Odometry, tree: VocabularyTree, camera: Intrinsics
 ) -> None:

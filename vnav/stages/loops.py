@@ -27,6 +27,8 @@ from vnav.posegraph import softened
 from vnav.registration import Sensor, register
 from vnav.stages.common import clock, finished, reused, settings_of
 
+NEIGHBOURS = 3  # keyframes apart: what odometry demands of a match will do, for it joined them
+
 Array = NDArray[np.float64]
 Candidate = tuple[int, int, str, float]
 
@@ -185,12 +187,13 @@ class Verifier:
         self._cameras = cameras
         self._seed = config.seed
         self._loops = config.loops
-        self._settings = dataclasses.replace(
-            config.registration,
+        self._segment = odometry.segment
+        # Features without depth mostly lie on edges, which look otherwise from afar.
+        self._settings = dataclasses.replace(config.registration, depth_of_either=False)
+        self._settings_of_loops = dataclasses.replace(
+            self._settings,
             min_inliers=config.loops.min_inliers,
             min_inlier_share=config.loops.min_inlier_share,
-            # Features without depth mostly lie on edges, which look otherwise from afar.
-            depth_of_either=False,
         )
         self._matcher = DescriptorMatcher(self._settings)
         self._progress = progress
@@ -229,7 +232,10 @@ class Verifier:
         a, b = self._keyframes[candidate[0]], self._keyframes[candidate[1]]
         rng = np.random.default_rng([self._seed, a.row, b.row])
         of_a, of_b = (self._cameras[self._captures[k.row]] for k in (a, b))
-        sensor = Sensor(of_b, self._settings, self._matcher, of_a)
+        near = candidate[1] - candidate[0] <= NEIGHBOURS
+        followed = near and self._segment[a.row] == self._segment[b.row]
+        settings = self._settings if followed else self._settings_of_loops
+        sensor = Sensor(of_b, settings, self._matcher, of_a)
         predicted = None
         if T_world_camera is not None:
             predicted = se3.inverse(T_world_camera[a.row]) @ T_world_camera[b.row]
