@@ -366,3 +366,24 @@ def test_keyframes_that_share_no_landmark_are_as_sure_as_odometry_between_them(
     (way,) = posegraph.along(odometry.edges, [(rows[0], rows[1])])
     expected = np.linalg.inv(way.information) * solution.ALONG_FACTOR**2
     np.testing.assert_allclose(solved.adjusted.covariance[1], expected, rtol=1e-2, atol=1e-10)
+
+
+def test_keyframes_on_either_side_of_loose_edges_are_held_by_them(
+    odometry: Odometry, camera: Intrinsics
+) -> None:
+    # The loop that joins the segments is 2 cm off; the way along the edges, and the loose one.
+    rows = [k.row for k in odometry.keyframes]
+    before, after = rows[len(rows) // 2 - 1], rows[len(rows) // 2]
+    poses = odometry.T_segment_camera
+    exact = se3.inverse(poses[before]) @ poses[after]
+    apart = dataclasses.replace(
+        odometry,
+        segment=(np.arange(len(odometry.frames)) >= after).astype(np.int32),
+        edges=tuple(e for e in odometry.edges if (e.i < after) == (e.j < after)),
+        loose_edges=along(odometry, after - 1, after),
+    )
+    loop = Edge(before, after, exact @ se3.exp([0, 0, 0, 0.02, 0, 0]), 1e3 * np.eye(6))
+    solved = solution.solve(apart, (loop,), np.zeros((0, 4), np.int32), [camera], CONFIG)
+    found = se3.inverse(solved.poses[before]) @ solved.poses[after]
+    # Edges between two frames differ by a millimetre or two from the poses they make.
+    np.testing.assert_allclose(found, exact, atol=0.005)

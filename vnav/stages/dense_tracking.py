@@ -13,8 +13,7 @@ from vnav.registration.dense import DenseEstimate, align
 
 LONGEST_STEP = 3.5  # of the usual time between frames: after a longer gap no motion is predicted
 REMEMBERED = 30  # frames that tell what is usual
-FIRM_SIGMAS = np.deg2rad(0.1), 0.003  # rad, m: added, for what bends all pixels of a frame alike
-LOOSE_SIGMAS = np.deg2rad(0.3), 0.01  # and for what an open direction bends of the others
+BENT_SIGMAS = np.deg2rad(0.1), 0.003  # rad, m: added, for what bends all pixels of a frame alike
 
 
 class DenseTracker:
@@ -62,5 +61,4 @@ class DenseTracker:
 
 def dense_edge(i: int, j: int, estimate: DenseEstimate) -> Edge:
     """The edge that an estimate makes between rows."""
-    sigmas = FIRM_SIGMAS if estimate.firm else LOOSE_SIGMAS
-    return softened(Edge(i, j, estimate.T_a_b, estimate.information), *sigmas)
+    return softened(Edge(i, j, estimate.T_a_b, estimate.information), *BENT_SIGMAS)

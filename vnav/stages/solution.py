@@ -147,8 +147,8 @@ def _adjust(
 def _joined(poses: Array, odometry: Odometry, closed: set[tuple[int, int]]) -> list[Edge]:
     """Edges between keyframes, by number: of odometry to the next, and of the pairs loops close.
 
-    Odometry's have its own motion and noise, for it saw the frames between; the others, and those
-    of given poses, have the motion of ``poses``.
+    Odometry's have its own motion and noise, for it saw the frames between, some of them loosely;
+    the others, and those of given poses, have the motion of ``poses``.
     """
     rows = [k.row for k in odometry.keyframes]
     number = {row: k for k, row in enumerate(rows)}
@@ -162,8 +162,9 @@ def _joined(poses: Array, odometry: Odometry, closed: set[tuple[int, int]]) -> l
         if np.isfinite(T[[i, j], 0, 0]).all()
     }
     if not odometry.given:
-        between = [(rows[i], rows[j]) for i, j in neighbours & joined.keys()]
-        for e in posegraph.along(odometry.edges, between):
+        followed = neighbours | set(pairwise(range(len(rows))))
+        between = [(rows[i], rows[j]) for i, j in followed if np.isfinite(T[[i, j], 0, 0]).all()]
+        for e in posegraph.along((*odometry.edges, *odometry.loose_edges), between):
             i, j = number[e.i], number[e.j]
             joined[i, j] = Edge(i, j, e.T_i_j, e.information / ALONG_FACTOR**2)
     return [joined[pair] for pair in sorted(joined)]
