@@ -1,9 +1,20 @@
 """Bundle adjustment of a walk past random points; noise is what the settings say, unless told."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 
-from vnav.bundle import Bundle, Observations, SensorModel, adjust, covariances
+from vnav.bundle import (
+    LARGEST_OFFSET,
+    OFFSET_SIGMA,
+    Bundle,
+    Observations,
+    SensorModel,
+    adjust,
+    covariances,
+    depth_offset,
+)
 from vnav.config import RegistrationConfig
 from vnav.core import se3
 from vnav.core.camera import Intrinsics
@@ -287,3 +298,56 @@ def test_few_or_short_tracks_tell_no_noise() -> None:
     seen = measured(truth, rng, 0.3)
     assert MODEL.fitted(truth, seen[seen.camera < 2]) is MODEL
     assert MODEL.fitted(truth, seen[seen.landmark < 5]) is MODEL
+
+
+def sharp(noise: float) -> SensorModel:
+    """A sensor with that share of the settings' noise."""
+    config = dataclasses.replace(
+        CONFIG,
+        pixel_sigma_px=noise * CONFIG.pixel_sigma_px,
+        depth_sigma_per_m2=noise * CONFIG.depth_sigma_per_m2,
+    )
+    return SensorModel([CAMERA] * CAMERAS, config)
+
+
+# At a hundredth of the noise the scene tells an offset to 2e-5 1/m (its scatter over 12 seeds),
+# a tenth of the prior's sigma, which so draws by a hundredth.
+TOLD = 4 * 2e-5
+
+
+@pytest.mark.parametrize("offset", [-2e-4, 0.0, 1e-4])
+def test_an_offset_of_all_inverse_depths_is_found(offset: float) -> None:
+    rng = np.random.default_rng(16)
+    truth = scene(rng)
+    seen = measured(truth, rng, 0.01).less(-offset)
+    assert depth_offset(truth, seen, [], sharp(0.01)) == pytest.approx(offset, abs=TOLD)
+
+
+def test_depth_that_is_wrong_by_a_scale_has_no_offset() -> None:
+    # 0.2 % is 4e-4 to 1e-3 1/m here: as an offset it would be two sigmas of the prior and more.
+    rng = np.random.default_rng(17)
+    truth = scene(rng)
+    seen = measured(truth, rng, 0.01)
+    scaled = dataclasses.replace(seen, inverse_depth=1.002 * seen.inverse_depth)
+    assert depth_offset(truth, scaled, [], sharp(0.01)) == pytest.approx(0, abs=TOLD)
+
+
+def test_an_offset_that_noise_hides_is_not_guessed() -> None:
+    # Known to 2e-3 1/m only, so that the prior leaves a hundredth of what seems to be.
+    rng = np.random.default_rng(18)
+    truth = scene(rng)
+    seen = measured(truth, rng).less(-OFFSET_SIGMA)
+    assert depth_offset(truth, seen, [], MODEL) == pytest.approx(0, abs=OFFSET_SIGMA / 2)
+
+
+def test_more_than_a_sensor_may_be_off_is_no_offset() -> None:
+    rng = np.random.default_rng(19)
+    truth = scene(rng)
+    seen = measured(truth, rng, 0.01).less(-2 * LARGEST_OFFSET)
+    assert depth_offset(truth, seen, [], sharp(0.01)) == 0
+
+
+def test_without_observations_there_is_no_offset() -> None:
+    truth = scene(np.random.default_rng(20))
+    none = measured(truth, np.random.default_rng(20))[np.zeros(0, np.intp)]
+    assert depth_offset(truth, none, [], MODEL) == 0

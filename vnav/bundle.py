@@ -23,6 +23,9 @@ LONG_TRACK = 3  # sightings: two leave little over to tell noise from
 ENOUGH = 100  # of them; fewer tell no noise
 LEAST_PIXEL_SIGMA, LEAST_DEPTH_SIGMA = 0.1, 1e-4  # a perfect capture would divide by zero
 EXACT_SIGMA, PRIOR_SIGMA = 1e-5, 1e-3  # rad, m: of poses that stay, and at least of a prior
+OFFSET_SIGMA = 2e-4  # 1/m of inverse depth, 3 mm at 4 m: a sensor's prior, and what is tried
+LARGEST_OFFSET = 3 * OFFSET_SIGMA
+OFFSET_ITERATIONS = 8  # from one bundle for all that are tried, so that their costs compare
 CONVERGED = 1e-3  # relative decrease of the error; a hundredth of it moves no pose by 0.1 mm
 
 
@@ -45,6 +48,10 @@ class Observations:
 
     def __len__(self) -> int:
         return len(self.landmark)
+
+    def less(self, offset: float) -> "Observations":
+        """The same with all inverse depths less by that, in 1/m."""
+        return Observations(self.landmark, self.camera, self.px, self.inverse_depth - offset)
 
 
 @dataclass(frozen=True)
@@ -108,6 +115,11 @@ class SensorModel:
         squared = (off**2).sum(1) / self.pixel_sigma**2 + (d / self.depth_sigma) ** 2
         return np.where(front, squared, np.inf)
 
+    def cost(self, bundle: Bundle, seen: Observations) -> float:
+        """Half the sum of squared residuals under the kernel that `adjust` makes least."""
+        width = CAUCHY_SIGMAS**2
+        return float(width / 2 * np.log1p(self.squared_residuals(bundle, seen) / width).sum())
+
     def rms_px(self, bundle: Bundle, seen: Observations) -> float:
         """Root mean square reprojection error; NaN without observations."""
         if not len(seen):
@@ -154,21 +166,22 @@ def adjust(
     model: SensorModel,
     iterations: int,
     prior: Prior | None = None,
+    tolerance: float = CONVERGED,
 ) -> Bundle:
     """Poses and points that explain all observations best; the first camera stays where it is.
 
     Where there is a ``prior``, it holds all cameras instead; if it is fixed, only points move.
     A stereo factor with a virtual baseline gives depth noise that grows with depth squared;
     observations without depth are plain projections. ``edges`` hold cameras that see little.
-    Levenberg-Marquardt with a Cauchy kernel; deterministic. Without observations and edges nothing
-    moves.
+    Levenberg-Marquardt with a Cauchy kernel, until a step takes less than ``tolerance`` of the
+    error; deterministic. Without observations and edges nothing moves.
     """
     if not len(_cameras(seen, edges)):
         return initial
     graph, values = _problem(initial, seen, edges, model, prior)
     params = gtsam.LevenbergMarquardtParams()
     params.setMaxIterations(iterations)
-    params.setRelativeErrorTol(CONVERGED)
+    params.setRelativeErrorTol(tolerance)
     params.setOrdering(_points_first(seen, edges))
     values = gtsam.LevenbergMarquardtOptimizer(graph, values, params).optimize()
     poses, points = initial.T_world_camera.copy(), initial.points_world.copy()
@@ -177,6 +190,33 @@ def adjust(
     for n in _distinct(seen.landmark):
         points[n] = values.atPoint3(_point(n))
     return Bundle(poses, points)
+
+
+def depth_offset(
+    bundle: Bundle,
+    seen: Observations,
+    edges: Sequence[Edge],
+    model: SensorModel,
+    prior: Prior | None = None,
+) -> float:
+    """What all measured inverse depths (1/m) have too much; 0 where the images contradict it.
+
+    Depth by triangulation, from structured light or stereo, errs by an offset of its disparity.
+    That bends what is far against what is near, as no scale would, and landmarks seen from several
+    places show it. Taken where the cost of the best bundle, a parabola of the offset, and the
+    prior's are least together. A minimum beyond `LARGEST_OFFSET` is not that of an offset: such
+    depth errs otherwise. Source: Herrera, Kannala, Heikkila 2012, "Joint depth and color camera
+    calibration with distortion correction", whose c0 it is.
+    """
+    costs = []
+    for offset in (-OFFSET_SIGMA, 0.0, OFFSET_SIGMA):
+        shifted = seen.less(offset)
+        best = adjust(bundle, shifted, edges, model, OFFSET_ITERATIONS, prior, tolerance=0.0)
+        costs.append(model.cost(best, shifted))
+    below, at, above = costs
+    bend = max(below - 2 * at + above, 0.0) + 1.0  # the prior's
+    offset = OFFSET_SIGMA * (below - above) / (2 * bend)
+    return offset if abs(offset) < LARGEST_OFFSET else 0.0
 
 
 def covariances(

@@ -47,7 +47,8 @@ def joined(T: np.ndarray) -> list[Edge]:
     ]
 
 
-def scene(seed: int) -> Scene:
+def scene(seed: int, noise: float = 1.0, offset: float = 0.0) -> Scene:
+    """With that share of the settings' noise, and that much too much in every inverse depth."""
     rng = np.random.default_rng(seed)
     xi = np.zeros((KEYFRAMES, 6))
     xi[:, 1], xi[:, 3] = np.linspace(0, -0.2, KEYFRAMES), np.linspace(0, 0.8, KEYFRAMES)
@@ -55,16 +56,19 @@ def scene(seed: int) -> Scene:
     points = rng.uniform([-0.6, -0.6, 2], [1.0, 0.6, 4], (SHARED, 3))
     alone = rng.uniform([-0.3, -0.3, 1], [0.3, 0.3, 4], (KEYFRAMES, ALONE, 3))
     seen = np.concatenate([se3.transform(se3.inverse(T), points), alone], 1)
-    keyframes = [measured(k, p, rng) for k, p in enumerate(seen)]
+    keyframes = [measured(k, p, rng, noise, offset) for k, p in enumerate(seen)]
     pairs = [(i, j) for i in range(KEYFRAMES) for j in range(i + 1, min(i + 3, KEYFRAMES))]
     matches = [(i, n, j, n) for i, j in pairs for n in range(SHARED)]
     return Scene(T, points, keyframes, np.array(matches, np.int32))
 
 
-def measured(row: int, points: np.ndarray, rng: np.random.Generator) -> Keyframe:
+def measured(
+    row: int, points: np.ndarray, rng: np.random.Generator, noise: float, offset: float
+) -> Keyframe:
     n = len(points)
-    px = CAMERA.project(points) + NOISE.pixel_sigma_px * rng.standard_normal((n, 2))
-    inverse = 1 / points[:, 2] + NOISE.depth_sigma_per_m2 * rng.standard_normal(n)
+    px = CAMERA.project(points) + noise * NOISE.pixel_sigma_px * rng.standard_normal((n, 2))
+    inverse = 1 / points[:, 2] + noise * NOISE.depth_sigma_per_m2 * rng.standard_normal(n)
+    inverse += offset
     features = Features(px, np.zeros((n, 128)), np.ones(n), np.ones(n), np.zeros(n))
     return Keyframe(row, features, CAMERA.unproject(features.keypoints_px, 1 / inverse))
 
@@ -179,10 +183,13 @@ def test_a_landmark_seen_once_stays_where_its_keyframe_sees_it() -> None:
     T_camera_world = se3.inverse(result.T_world_camera)[landmarks.keyframe[once]]
     points = landmarks.points_world[landmarks.landmark[once]]
     seen = se3.transform(T_camera_world, points[:, None])[:, 0]
-    expected = [
-        made.keyframes[k].points_camera[f]
-        for k, f in zip(landmarks.keyframe[once], landmarks.feature[once], strict=True)
-    ]
+    lifted = np.stack(
+        [
+            made.keyframes[k].points_camera[f]
+            for k, f in zip(landmarks.keyframe[once], landmarks.feature[once], strict=True)
+        ]
+    )
+    expected = lifted / (1 - result.depth_offset * lifted[:, 2:])
     np.testing.assert_allclose(seen, expected, atol=2e-6)  # float32 at 4 m, twice
 
 
@@ -263,3 +270,19 @@ def test_rounds_are_set_by_the_configuration(rounds: int) -> None:
     result = adjust_landmarks(start, tracks, joined(start), model, config)
     # 3 numbers an observation, of which points and poses take up a quarter: sqrt(2 * 0.75) px.
     assert result.rms_px_after == pytest.approx(1.22, rel=0.1)
+
+
+def test_depth_that_is_too_short_far_away_is_allowed_for() -> None:
+    # 1 to 5 mm at 2 to 4 m. The least noise that is believed, 0.1 px, tells it as well as the prior
+    # does, so half of it is found.
+    offset = 3e-4
+    result = scene(14, noise=0.02, offset=offset).adjusted(disturbed(scene(14).T))
+    assert result.depth_offset == pytest.approx(offset / 2, rel=0.5)
+
+
+def test_one_round_allows_for_nothing() -> None:
+    made = scene(14, noise=0.02, offset=3e-4)
+    tracks, model = Tracks(made.keyframes, made.matches), SensorModel([CAMERA] * KEYFRAMES, NOISE)
+    start = disturbed(made.T)
+    config = OptimiseConfig(bundle_rounds=1)
+    assert adjust_landmarks(start, tracks, joined(start), model, config).depth_offset == 0

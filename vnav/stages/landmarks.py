@@ -1,5 +1,6 @@
 """Landmarks: tracks of features over keyframes, adjusted together with the keyframes' poses."""
 
+import copy
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -7,7 +8,15 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
-from vnav.bundle import Bundle, Observations, Prior, SensorModel, adjust, covariances
+from vnav.bundle import (
+    Bundle,
+    Observations,
+    Prior,
+    SensorModel,
+    adjust,
+    covariances,
+    depth_offset,
+)
 from vnav.config import OptimiseConfig
 from vnav.core.frame import Edge
 from vnav.core.mapping import Keyframe, Landmarks
@@ -17,6 +26,7 @@ Array = NDArray[np.float64]
 Rows = NDArray[np.intp]
 OUTLIER_SIGMAS_SQUARED = 16.3  # chi-squared, 3 degrees of freedom: 99.9 %
 FIRST_SLACK = 9.0  # the first poses' errors exceed the noise: outliers go step by step
+OFTEN_SEEN = 4  # sightings
 ROUGH_ITERATIONS = 4  # of a round that another one follows
 
 
@@ -32,6 +42,13 @@ class Tracks:
         track = merge(matches, counts)
         self.seen = Observations(track, camera, px, 1 / self.points_camera[:, 2])
         self.count = int(track.max(initial=-1)) + 1
+
+    def less(self, offset: float) -> "Tracks":
+        """The same with all inverse depths less by that, in 1/m."""
+        tracks = copy.copy(self)
+        tracks.points_camera = self.points_camera / (1 - offset * self.points_camera[:, 2:])
+        tracks.seen = self.seen.less(offset)
+        return tracks
 
     def lifted(self, T_world_camera: Array, rows: Rows) -> Array:
         """Points (L, 3): the mean of a track's lifted features, weighted by depth's precision.
@@ -51,12 +68,16 @@ class Tracks:
 
 @dataclass(frozen=True)
 class Adjusted:
-    """Keyframe poses (K, 4, 4) and covariances (K, 6, 6), landmarks, and the error on the way."""
+    """Keyframe poses (K, 4, 4) and covariances (K, 6, 6), landmarks, and the error on the way.
+
+    ``depth_offset``: what measured inverse depths have too much, in 1/m; landmarks are without.
+    """
 
     T_world_camera: Array
     covariance: Array
     landmarks: Landmarks
     observations: int
+    depth_offset: float
     rms_px_before: float
     rms_px_after: float
 
@@ -82,7 +103,7 @@ def adjust_landmarks(
     points = tracks.lifted(T_world_camera, rows)
     rows = rows[np.isfinite(points[:, 0])[tracks.seen.landmark[rows]]]
     bundle = Bundle(T_world_camera, points)
-    sharp, rms = model, []
+    sharp, rms, offset = model, [], 0.0
     for k in range(config.bundle_rounds):
         if k > 0:
             all_shared = _shared(tracks.seen, _inliers(bundle, tracks, rows, model, 1.0))
@@ -93,6 +114,9 @@ def adjust_landmarks(
         shared = _shared(tracks.seen, inliers)
         held = _weak(joined, len(T_world_camera), tracks.seen[shared], config.weak_landmarks)
         rms.append(model.rms_px(bundle, tracks.seen[shared]))
+        if last and k > 0:
+            offset = _depth_offset(bundle, tracks, shared, joined, sharp, config, prior)
+            tracks = tracks.less(offset)
         bundle = adjust(bundle, tracks.seen[shared], held, sharp, iterations, prior)
         bundle = _lift_alone(bundle, tracks, inliers, shared)
     rows = _inliers(bundle, tracks, rows, model, 1.0)
@@ -101,7 +125,24 @@ def adjust_landmarks(
     held = _weak(joined, len(T_world_camera), tracks.seen[shared], config.weak_landmarks)
     covariance = covariances(bundle, tracks.seen[shared], held, model, prior)
     landmarks = _landmarks(bundle, tracks, rows, model)
-    return Adjusted(bundle.T_world_camera, covariance, landmarks, len(shared), rms[0], rms[-1])
+    poses = bundle.T_world_camera
+    return Adjusted(poses, covariance, landmarks, len(shared), offset, rms[0], rms[-1])
+
+
+def _depth_offset(
+    bundle: Bundle,
+    tracks: Tracks,
+    rows: Rows,
+    joined: Sequence[Edge],
+    model: SensorModel,
+    config: OptimiseConfig,
+    prior: Prior | None,
+) -> float:
+    """What the landmarks that many keyframes see tell of it, nearly all that there is to tell."""
+    seen = tracks.seen[rows]
+    seen = seen[np.bincount(seen.landmark)[seen.landmark] >= OFTEN_SEEN]
+    held = _weak(joined, len(bundle.T_world_camera), seen, config.weak_landmarks)
+    return depth_offset(bundle, seen, held, model, prior)
 
 
 def _inliers(bundle: Bundle, tracks: Tracks, rows: Rows, model: SensorModel, slack: float) -> Rows:

@@ -130,6 +130,7 @@ def _report(solved: Solved, result: OptimisedMap, odometry: Odometry) -> Report:
         "closures_rejected": rejected,
         "graph_error_before": solved.graph.error_before,
         "graph_error_after": solved.graph.error_after,
+        "depth_offset": adjusted.depth_offset,
         "landmarks": len(adjusted.landmarks),
         "observations": adjusted.observations,
         "rms_px_before": adjusted.rms_px_before if adjusted.observations else None,
@@ -148,6 +149,13 @@ def _report(solved: Solved, result: OptimisedMap, odometry: Odometry) -> Report:
         f" {rejected} rejected",
         landmarks,
     )
+    if adjusted.depth_offset:
+        off_mm, how = 1000 * adjusted.depth_offset * 4**2, ("long", "short")
+        lines = (
+            *lines,
+            f"depth is {abs(off_mm):.1f} mm too {how[off_mm > 0]} at 4 m; poses and landmarks allow"
+            " for it",
+        )
     if solved.prior:
         rad, m = solved.prior.sigmas[[0, 3]]
         values |= {"given_sigma_deg": float(np.rad2deg(rad)), "given_sigma_m": float(m)}
