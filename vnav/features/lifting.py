@@ -41,7 +41,7 @@ def _depths(
     """Depth (N,) at each pixel, NaN where it does not hold."""
     z = np.full(len(px), np.nan)
     size = 2 * reach + 1
-    window = np.zeros((size * size, 4))  # 1, offsets in x and y, inverse depth
+    window = np.zeros((size * size, 3))  # offsets in x and y, inverse depth
     for n in range(len(px)):
         count = _fill(window, px[n], depth_m, reach)
         if count < FILLED * size * size or count < 3:
@@ -65,27 +65,34 @@ def _fill(
     for v in range(max(0, y - reach), min(height, y + reach + 1)):
         for u in range(max(0, x - reach), min(width, x + reach + 1)):
             if depth_m[v, u] > 0:
-                window[count] = 1.0, u - px[0], v - px[1], 1.0 / depth_m[v, u]
+                window[count] = u - px[0], v - px[1], 1.0 / depth_m[v, u]
                 count += 1
     return count
 
 
 @njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
-def _plane(window: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Value at the keypoint and slopes (3,) of the plane through the window's inverse depths."""
-    H, g = 1e-9 * np.eye(3), np.zeros(3)
-    for k in range(len(window)):
-        for i in range(3):
-            g[i] += window[k, i] * window[k, 3]
-            for j in range(3):
-                H[i, j] += window[k, i] * window[k, j]
-    return np.asarray(np.linalg.solve(H, g), np.float64)
+def _plane(window: NDArray[np.float64]) -> tuple[float, float, float]:
+    """Value at the keypoint and slopes of the plane through the window's inverse depths."""
+    count, x, y, w = len(window), 0.0, 0.0, 0.0
+    xx, xy, yy, xw, yw = 1e-9, 0.0, 1e-9, 0.0, 0.0  # no slope across a single row of pixels
+    for k in range(count):
+        a, b, value = window[k]
+        x, y, w = x + a, y + b, w + value
+        xx, xy, yy = xx + a * a, xy + a * b, yy + b * b
+        xw, yw = xw + a * value, yw + b * value
+    x, y, w = x / count, y / count, w / count
+    xx, xy, yy = xx - count * x * x, xy - count * x * y, yy - count * y * y
+    xw, yw = xw - count * x * w, yw - count * y * w
+    det = xx * yy - xy * xy
+    slope_x, slope_y = (xw * yy - yw * xy) / det, (yw * xx - xw * xy) / det
+    return w - slope_x * x - slope_y * y, slope_x, slope_y
 
 
 @njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
-def _flat(window: NDArray[np.float64], plane: NDArray[np.float64], limit: float) -> bool:
+def _flat(window: NDArray[np.float64], plane: tuple[float, float, float], limit: float) -> bool:
+    value, slope_x, slope_y = plane
     for k in range(len(window)):
-        value = plane[0] + plane[1] * window[k, 1] + plane[2] * window[k, 2]
-        if abs(window[k, 3] - value) > limit:
+        x, y, inverse_depth = window[k]
+        if abs(inverse_depth - value - slope_x * x - slope_y * y) > limit:
             return False
     return True

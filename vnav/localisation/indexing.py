@@ -17,7 +17,7 @@ from vnav.core.voxels import Voxels
 
 Array = NDArray[np.float64]
 
-SAMPLE = 2000  # descriptors that the map's own statistics are taken from
+SAMPLE = 500  # descriptors that the map's own statistics are taken from
 QUARTILE = 0.75
 APART_M = 0.10  # two landmarks nearer than this may be one and the same thing
 
