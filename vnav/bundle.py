@@ -25,7 +25,7 @@ LEAST_PIXEL_SIGMA, LEAST_DEPTH_SIGMA = 0.1, 1e-4  # a perfect capture would divi
 EXACT_SIGMA, PRIOR_SIGMA = 1e-5, 1e-3  # rad, m: of poses that stay, and at least of a prior
 OFFSET_SIGMA = 2e-4  # 1/m of inverse depth, 3 mm at 4 m: a sensor's prior, and what is tried
 LARGEST_OFFSET = 3 * OFFSET_SIGMA
-OFFSET_ITERATIONS = 6  # from one bundle for all that are tried, so that their costs compare
+OFFSET_ITERATIONS = 8  # from one bundle for all that are tried, so that their costs compare
 CONVERGED = 1e-3  # relative decrease of the error; a hundredth of it moves no pose by 0.1 mm
 
 
