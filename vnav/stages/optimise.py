@@ -150,12 +150,7 @@ def _report(solved: Solved, result: OptimisedMap, odometry: Odometry) -> Report:
         landmarks,
     )
     if adjusted.depth_offset:
-        off_mm, how = 1000 * adjusted.depth_offset * 4**2, ("long", "short")
-        lines = (
-            *lines,
-            f"depth is {abs(off_mm):.1f} mm too {how[off_mm > 0]} at 4 m; poses and landmarks allow"
-            " for it",
-        )
+        lines = (*lines, _bent(adjusted.depth_offset))
     if solved.prior:
         rad, m = solved.prior.sigmas[[0, 3]]
         values |= {"given_sigma_deg": float(np.rad2deg(rad)), "given_sigma_m": float(m)}
@@ -175,6 +170,12 @@ def _report(solved: Solved, result: OptimisedMap, odometry: Odometry) -> Report:
     if result.world.doubt:
         warnings.append(result.world.doubt)
     return Report("optimise", values, lines, tuple(warnings))
+
+
+def _bent(depth_offset: float) -> str:
+    how = "short" if depth_offset > 0 else "long"
+    off_mm = 1000 * abs(depth_offset) * 4**2
+    return f"depth is {off_mm:.1f} mm too {how} at 4 m; poses and landmarks allow for it"
 
 
 def _told(prior: Prior) -> str:

@@ -153,17 +153,18 @@ def _joined(poses: Array, odometry: Odometry, closed: set[tuple[int, int]]) -> l
     rows = [k.row for k in odometry.keyframes]
     number = {row: k for k, row in enumerate(rows)}
     T, segment = poses[rows], odometry.segment[rows]
+    posed = np.isfinite(T[:, 0, 0])
     of_segment = [np.flatnonzero(segment == s).tolist() for s in np.unique(segment)]
     neighbours = {pair for keyframes in of_segment for pair in pairwise(keyframes)}
     information = np.diag(JOINED_SIGMAS**-2.0)
     joined = {
         (i, j): Edge(i, j, se3.inverse(T[i]) @ T[j], information)
         for i, j in neighbours | closed
-        if np.isfinite(T[[i, j], 0, 0]).all()
+        if posed[i] and posed[j]
     }
     if not odometry.given:
         followed = neighbours | set(pairwise(range(len(rows))))
-        between = [(rows[i], rows[j]) for i, j in followed if np.isfinite(T[[i, j], 0, 0]).all()]
+        between = [(rows[i], rows[j]) for i, j in followed if posed[i] and posed[j]]
         for e in posegraph.along((*odometry.edges, *odometry.loose_edges), between):
             i, j = number[e.i], number[e.j]
             joined[i, j] = Edge(i, j, e.T_i_j, e.information / ALONG_FACTOR**2)
