@@ -11,7 +11,7 @@ from vnav.core import se3
 from vnav.core.frame import Frame
 from vnav.io.trajectories import read_tum
 from vnav.registration import Sensor
-from vnav.stages.dense_tracking import DenseTracker, dense_edge
+from vnav.stages.dense_tracking import DenseTracker
 
 CONFIG = Config()
 
@@ -36,12 +36,10 @@ def test_a_frame_is_followed_from_the_last(
 ) -> None:
     found = seen(frames[:3]).follow(frames[3], sensor, motions[1])
     assert found is not None
-    edge = dense_edge(2, 3, found)
-    assert (edge.i, edge.j) == (2, 3)
-    off = se3.inverse(motions[2]) @ edge.T_i_j
+    off = se3.inverse(motions[2]) @ found.T_a_b
     xi = np.concatenate([se3.log_so3(off[:3, :3]), off[:3, 3]])
     # By its own information: 6 degrees of freedom, 99.9 % are below 22.5.
-    assert xi @ edge.information @ xi < 22.5
+    assert xi @ found.information @ xi < 22.5
 
 
 def test_after_a_gap_in_time_nothing_is_predicted(

@@ -6,14 +6,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vnav.config import OdometryConfig
-from vnav.core.frame import Edge, Frame, Rejected
-from vnav.posegraph import softened
+from vnav.core.frame import Frame, Rejected
 from vnav.registration import Sensor
 from vnav.registration.dense import DenseEstimate, align
 
 LONGEST_STEP = 3.5  # of the usual time between frames: after a longer gap no motion is predicted
 REMEMBERED = 30  # frames that tell what is usual
-BENT_SIGMAS = np.deg2rad(0.1), 0.003  # rad, m: added, for what bends all pixels of a frame alike
 
 
 class DenseTracker:
@@ -57,8 +55,3 @@ class DenseTracker:
         if self._last is not None:
             self._steps_s.append(frame.stamp_s - self._last[1].stamp_s)
         self._last, self._loose = (row, frame), self._loose + 1 if loose else 0
-
-
-def dense_edge(i: int, j: int, estimate: DenseEstimate) -> Edge:
-    """The edge that an estimate makes between rows."""
-    return softened(Edge(i, j, estimate.T_a_b, estimate.information), *BENT_SIGMAS)

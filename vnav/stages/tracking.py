@@ -14,7 +14,7 @@ from vnav.features.appearance import signature
 from vnav.posegraph import chain
 from vnav.registration import Sensor, register
 from vnav.registration.dense import DenseEstimate
-from vnav.stages.dense_tracking import LONGEST_STEP, DenseTracker, dense_edge
+from vnav.stages.dense_tracking import LONGEST_STEP, DenseTracker
 
 WEAK_M = 0.004  # standard deviation; most frames' features tell their motion twice as well
 
@@ -101,7 +101,7 @@ class Tracker:
         edges = [Edge(i, row, e.T_a_b, e.information) for i, e in found.items()]
         loose: list[Edge] = []
         if dense is not None and self._dense.last is not None:
-            edge = dense_edge(self._dense.last, row, dense)
+            edge = Edge(self._dense.last, row, dense.T_a_b, dense.information)
             (edges if dense.firm else loose).append(edge)
         self._edges += edges
         self._loose_edges += loose
