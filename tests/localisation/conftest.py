@@ -188,12 +188,19 @@ def furnished_twins() -> World:
     return World(things, mapped(things, poses, rng), CAMERA, looking, seen)
 
 
+@pytest.fixture(scope="session", params=[0.3, 0.6])
+def step_m(request: pytest.FixtureRequest) -> float:
+    """How far apart the two copies of a pattern are: 50 and 100 pixels in a photo from 3 m."""
+    step: float = request.param
+    return step
+
+
 @pytest.fixture(scope="session")
-def tiled_world() -> World:
-    """A wall with a pattern of 30 things, the same again 0.3 m beside it, and 25 things more."""
+def tiled_world(step_m: float) -> World:
+    """A wall with a pattern of 30 things, the same again a step beside it, and 25 things more."""
     rng = np.random.default_rng(8)
     pattern, others = pictures(rng, 30), pictures(rng, 25)
-    things = pattern + pattern.moved((0.0, 0.3, 0.0)) + others
+    things = pattern + pattern.moved((0.0, step_m, 0.0)) + others
     poses = [looking((0.2 * k, 0.1 * k - 0.2, 1.3), 3.0 * k - 6) for k in range(5)]
     return World(things, mapped(things, poses, rng), CAMERA, looking, seen)
 

@@ -6,6 +6,7 @@ import pytest
 
 from vnav.localisation.evidence import (
     COLUMNS,
+    PATCHES,
     RATES,
     ROWS,
     TRIES,
@@ -94,6 +95,22 @@ def test_where_the_photo_shows_nothing_nothing_is_missed(scene):
     counts = counted(prediction, hits, covered).reshape(2, ROWS, COLUMNS)
     assert (counts[:, :, : COLUMNS // 2] == 0).all()
     assert posterior([evidence(counts.reshape(2, -1))])[0] > 0.95
+
+
+def test_what_is_covered_is_not_missed_in_a_cell_that_is_partly_covered(scene):
+    """The box ends in the fifth column, 80 pixels wide as each."""
+    photo, _ = scene
+    px = np.random.default_rng(0).uniform((0, 0), (640, 480), (3000, 2))
+    row = np.arange(len(px)) % len(photo.features)
+    features = dataclasses.replace(photo.features[row], keypoints_px=px.astype(np.float32))
+    edge_px = 380
+    covered = dataclasses.replace(photo, features=features[px[:, 0] >= edge_px])
+    none = Hits(np.arange(0), np.arange(0), np.zeros(0, np.float32))
+    prediction = Prediction(np.arange(len(px)), px, np.ones((len(px), 2)))
+    columns = counted(prediction, none, covered)[1].reshape(ROWS, COLUMNS).sum(0)
+    in_column = (px[:, 0] >= 320) & (px[:, 0] < 400)
+    near = px[:, 0] >= edge_px - 2 * 80 / PATCHES
+    assert (in_column & (px[:, 0] >= edge_px)).sum() <= columns[4] <= (in_column & near).sum()
 
 
 @pytest.mark.parametrize("rate", [0.08, 0.15, 0.6])

@@ -3,12 +3,13 @@ import pytest
 
 from vnav.config import LocateConfig
 from vnav.core import se3
-from vnav.localisation.hypotheses import _settled, _verified
+from vnav.localisation import hypotheses
+from vnav.localisation.hypotheses import Hypothesis, _settled, _verified
+from vnav.localisation.matches import Matches
 from vnav.localisation.photo import prepare
 from vnav.localisation.query import Query
+from vnav.localisation.ransac import Consensus
 from vnav.localisation.view import View
-
-STEP = 0.3  # m, between the two copies of a pattern
 
 
 @pytest.fixture
@@ -24,16 +25,40 @@ def off_m(hypothesis, T_true) -> float:
     return float(np.linalg.norm(hypothesis.view.centre_world - T_true[:3, 3]))
 
 
-def test_a_pose_beside_the_right_one_that_few_matches_hold_leads_to_it(query):
+def test_a_pose_beside_the_right_one_that_few_matches_hold_leads_to_it(query, step_m):
     """Shifted by a step of the pattern, one copy of it looks like the other."""
     asked, T_true = query
-    beside = View(se3.inverse(se3.make(np.eye(3), (0, STEP, 0)) @ T_true), asked.photo.intrinsics)
+    beside = View(se3.inverse(se3.make(np.eye(3), (0, step_m, 0)) @ T_true), asked.photo.intrinsics)
     alone = _verified(beside, asked)
     assert alone is not None
-    assert off_m(alone, T_true) > STEP / 2
+    assert off_m(alone, T_true) > step_m / 2
     settled = _settled(beside, asked, np.random.default_rng(0))
     # Some 80 inliers of 0.5 px at 525 px and 3 m are good for a few millimetres with the map's own.
     assert off_m(settled, T_true) < 0.02
+
+
+def test_the_pose_that_the_map_bears_out_better_is_taken_though_fewer_matches_hold_it(
+    query, monkeypatch
+):
+    """Cells of a photo of house with a third covered, 25 cm beside the truth and there."""
+    asked, T_true = query
+    beside = told(asked, T_true, [15, 17, 20, 10, 18] + [0] * 9, [55, 101, 136, 60, 82] + [12] * 9)
+    right = told(asked, T_true, [3, 8, 12, 15, 16, 18], [17, 40, 74, 103, 65, 55])
+    found = iter([beside, right])
+    monkeypatch.setattr(hypotheses, "_verified", lambda view, query: next(found))
+    monkeypatch.setattr(
+        hypotheses, "_consensus", lambda *_: Consensus(right.view, np.ones(9, bool))
+    )
+    assert beside.inliers > right.inliers
+    assert _settled(beside.view, asked, np.random.default_rng(0)) is right
+
+
+def told(query, T_true, found, predicted) -> Hypothesis:
+    """A hypothesis with so many landmarks found, of those predicted, in each cell."""
+    rows = np.arange(sum(found))
+    matches = Matches(rows, rows, rows.astype(np.int32), np.zeros(len(rows), np.float32))
+    view = View(se3.inverse(T_true), query.photo.intrinsics)
+    return Hypothesis(view, np.eye(6), matches, np.array([found, predicted]))
 
 
 def test_the_right_pose_stays(query):

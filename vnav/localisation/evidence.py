@@ -18,6 +18,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -29,6 +30,7 @@ Beta = tuple[float, float]
 
 COLUMNS, ROWS = 8, 6
 LEAST = 3  # landmarks, and features, in a cell that says anything
+PATCHES = 4  # across a cell: a landmark counts where the photo has a feature in its patch or beside
 SHARES = (np.arange(20) + 0.5) / 20  # of cells
 RATES = np.geomspace(0.04, 0.7, 12)  # of landmarks found, where a photo looks as predicted
 OF_PHOTOS = (3.0, 5.0)  # Beta parameters of that rate over photos
@@ -77,9 +79,23 @@ def counted(prediction: Prediction, hits: Hits, photo: Photo) -> NDArray[np.intp
     """
     size = photo.intrinsics.size
     cells, of_features = (cells_of(px, size) for px in (prediction.px, photo.features.keypoints_px))
-    found = cells[np.unique(hits.predicted)]
-    counts = [np.bincount(c, minlength=COLUMNS * ROWS) for c in (found, cells, of_features)]
+    found = np.zeros(len(cells), bool)
+    found[hits.predicted] = True
+    expected = found | _shown(prediction.px, photo)
+    rows = cells[found], cells[expected], of_features
+    counts = [np.bincount(r, minlength=COLUMNS * ROWS) for r in rows]
     return np.stack(counts[:2]) * (counts[2] >= LEAST)
+
+
+def _shown(px: NDArray[Any], photo: Photo) -> NDArray[np.bool_]:
+    """Whether the photo has a feature near each pixel (N, 2)."""
+    grid = COLUMNS * PATCHES, ROWS * PATCHES
+    size = photo.intrinsics.size
+    column, row = _bins(photo.features.keypoints_px, size, grid)
+    taken = np.zeros(grid[::-1], np.uint8)
+    taken[row, column] = 1
+    column, row = _bins(px, size, grid)
+    return np.asarray(cv2.dilate(taken, np.ones((3, 3), np.uint8))[row, column] > 0)
 
 
 def evidence(cells: NDArray[np.intp], odds: Odds = Odds()) -> Evidence:
@@ -115,9 +131,14 @@ def posterior(places: Sequence[Evidence]) -> Array:
 
 def cells_of(px: NDArray[Any], size: tuple[int, int]) -> NDArray[np.intp]:
     """Number of the cell that each pixel (N, 2) lies in."""
-    column_row = np.floor(px / size * (COLUMNS, ROWS)).astype(np.intp)
-    column_row = column_row.clip(0, (COLUMNS - 1, ROWS - 1))
-    return np.asarray(column_row[:, 1] * COLUMNS + column_row[:, 0])
+    column, row = _bins(px, size, (COLUMNS, ROWS))
+    return np.asarray(row * COLUMNS + column)
+
+
+def _bins(px: NDArray[Any], size: tuple[int, int], grid: tuple[int, int]) -> NDArray[np.intp]:
+    """Column and row (2, N) of the part of an evenly cut image that each pixel (N, 2) lies in."""
+    column_row = np.floor(px / size * grid).astype(np.intp)
+    return np.asarray(column_row.clip(0, np.array(grid) - 1).T)
 
 
 def _log_beta_binomial(k: NDArray[np.intp], n: NDArray[np.intp], beta: Beta) -> Array:

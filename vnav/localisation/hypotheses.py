@@ -20,7 +20,7 @@ LEAST = 5  # matches that a pose can be tried with
 ATTEMPTS = 2  # poses sought in one place: repeated things in one view give several
 RIVAL_SHARE = 0.2  # of the most matches that agree; a place with fewer is no rival
 FIRST_RADIUS, LAST_RADIUS = 3.0, 2.0  # of guided matching, in thresholds of agreement
-WIDE_RADIUS = 10.0  # about a pose that few matches hold
+WIDE_RADIUS = 25.0  # about a pose that few matches hold
 
 
 @dataclass(frozen=True)
@@ -107,7 +107,7 @@ def _settled(view: View, query: Query, rng: np.random.Generator) -> Hypothesis |
     around = hits(prediction, query.photo, query.atlas, WIDE_RADIUS * query.near_px)
     consensus = _consensus(matched(around, prediction, query.atlas), LEAST, query, rng)
     second = _verified(consensus.view, query) if consensus else None
-    return second if second and second.inliers > first.inliers else first
+    return second if second and second.strength > first.strength else first
 
 
 def _verified(view: View, query: Query) -> Hypothesis | None:
