@@ -38,7 +38,7 @@ from vnav.localisation.evidence import (
     posterior,
 )
 from vnav.localisation.guided import hits, predict
-from vnav.localisation.hypotheses import LAST_RADIUS
+from vnav.localisation.hypotheses import GUIDED_RADII
 from vnav.localisation.photo import Photo
 from vnav.localisation.view import View
 from vnav.stages.build_map import build_map
@@ -109,7 +109,7 @@ def cells_at(T_world_camera: NDArray[np.float64], photo: Photo, atlas: Atlas) ->
     """Landmarks that the photo shows and that the map predicts in each cell, at some pose."""
     view = View(se3.inverse(T_world_camera), photo.intrinsics)
     prediction = predict(view, atlas)
-    radius_px = LAST_RADIUS * Config().locate.ransac_threshold_px * photo.pixel
+    radius_px = GUIDED_RADII[-1] * Config().locate.ransac_threshold_px * photo.pixel
     return counted(prediction, hits(prediction, photo, atlas, radius_px), photo)
 
 

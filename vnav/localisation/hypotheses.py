@@ -19,7 +19,7 @@ from vnav.localisation.view import View
 LEAST = 5  # matches that a pose can be tried with
 ATTEMPTS = 2  # poses sought in one place: repeated things in one view give several
 RIVAL_SHARE = 0.2  # of the most matches that agree; a place with fewer is no rival
-FIRST_RADIUS, LAST_RADIUS = 3.0, 2.0  # of guided matching, in thresholds of agreement
+GUIDED_RADII = 3.0, 2.0  # one after the other, in thresholds of agreement
 WIDE_RADIUS = 25.0  # about a pose that few matches hold
 
 
@@ -112,18 +112,14 @@ def _settled(view: View, query: Query, rng: np.random.Generator) -> Hypothesis |
 
 def _verified(view: View, query: Query) -> Hypothesis | None:
     """The pose after guided matching of what the map predicts, None where that finds too little."""
-    photo, atlas, least = query.photo, query.atlas, query.config.min_inliers
+    photo, atlas = query.photo, query.atlas
     prediction = predict(view, atlas)
-    found = hits(prediction, photo, atlas, FIRST_RADIUS * query.near_px)
-    matches = matched(found, prediction, atlas)
-    if len(matches) < least:
-        return None
-    view = refine(view, query.sightings(matches, view), photo.lens).view
-    prediction = reprojected(prediction.rows, view, atlas)
-    found = hits(prediction, photo, atlas, LAST_RADIUS * query.near_px)
-    matches = matched(found, prediction, atlas)
-    if len(matches) < least:
-        return None
-    refined = refine(view, query.sightings(matches, view), photo.lens)
-    cells = counted(prediction, found, photo)
-    return Hypothesis(refined.view, refined.covariance, matches, cells)
+    for radius in GUIDED_RADII:
+        prediction = reprojected(prediction.rows, view, atlas)
+        found = hits(prediction, photo, atlas, radius * query.near_px)
+        matches = matched(found, prediction, atlas)
+        if len(matches) < query.config.min_inliers:
+            return None
+        refined = refine(view, query.sightings(matches, view), photo.lens)
+        view = refined.view
+    return Hypothesis(view, refined.covariance, matches, counted(prediction, found, photo))
