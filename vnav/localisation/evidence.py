@@ -75,7 +75,8 @@ class Evidence:
 def counted(prediction: Prediction, hits: Hits, photo: Photo) -> NDArray[np.intp]:
     """How many landmarks are found, and how many are predicted (2, C), in each cell.
 
-    None where the photo shows next to nothing: what is covered, black or plain tells neither.
+    Only where the photo shows something, in the cell and near the landmark: what is covered, black
+    or plain tells neither.
     """
     size = photo.intrinsics.size
     cells, of_features = (cells_of(px, size) for px in (prediction.px, photo.features.keypoints_px))

@@ -20,7 +20,7 @@ LEAST = 5  # matches that a pose can be tried with
 ATTEMPTS = 2  # poses sought in one place: repeated things in one view give several
 RIVAL_SHARE = 0.2  # of the most matches that agree; a place with fewer is no rival
 GUIDED_RADII = 3.0, 2.0  # one after the other, in thresholds of agreement
-WIDE_RADIUS = 25.0  # about a pose that few matches hold
+WIDE_RADIUS = 25.0  # about a pose that few matches hold, in the same
 
 
 @dataclass(frozen=True)
@@ -114,8 +114,9 @@ def _verified(view: View, query: Query) -> Hypothesis | None:
     """The pose after guided matching of what the map predicts, None where that finds too little."""
     photo, atlas = query.photo, query.atlas
     prediction = predict(view, atlas)
-    for radius in GUIDED_RADII:
-        prediction = reprojected(prediction.rows, view, atlas)
+    for k, radius in enumerate(GUIDED_RADII):
+        if k > 0:
+            prediction = reprojected(prediction.rows, view, atlas)
         found = hits(prediction, photo, atlas, radius * query.near_px)
         matches = matched(found, prediction, atlas)
         if len(matches) < query.config.min_inliers:

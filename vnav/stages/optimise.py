@@ -150,7 +150,7 @@ def _report(solved: Solved, result: OptimisedMap, odometry: Odometry) -> Report:
         landmarks,
     )
     if adjusted.depth_offset:
-        lines = (*lines, _bent(adjusted.depth_offset))
+        lines = (*lines, _short_or_long(adjusted.depth_offset))
     if solved.prior:
         rad, m = solved.prior.sigmas[[0, 3]]
         values |= {"given_sigma_deg": float(np.rad2deg(rad)), "given_sigma_m": float(m)}
@@ -172,7 +172,7 @@ def _report(solved: Solved, result: OptimisedMap, odometry: Odometry) -> Report:
     return Report("optimise", values, lines, tuple(warnings))
 
 
-def _bent(depth_offset: float) -> str:
+def _short_or_long(depth_offset: float) -> str:
     how = "short" if depth_offset > 0 else "long"
     off_mm = 1000 * abs(depth_offset) * 4**2
     return f"depth is {off_mm:.1f} mm too {how} at 4 m; poses and landmarks allow for it"
