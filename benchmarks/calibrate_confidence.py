@@ -24,9 +24,9 @@ from scipy.optimize import minimize
 from vnav.config import Config
 from vnav.core import se3
 from vnav.core.trajectory import Trajectory
-from vnav.io.capture import open_capture
-from vnav.io.map_folder import MapFolder
-from vnav.io.trajectories import read_tum
+from vnav.io.formats.trajectories import read_tum
+from vnav.io.sources.capture import open_capture
+from vnav.io.store.map_folder import MapFolder
 from vnav.localisation.atlas import Atlas
 from vnav.localisation.evidence import (
     LEAST,
@@ -41,9 +41,9 @@ from vnav.localisation.guided import hits, predict
 from vnav.localisation.hypotheses import GUIDED_RADII
 from vnav.localisation.photo import Photo
 from vnav.localisation.view import View
-from vnav.stages.build_map import build_map
+from vnav.pipeline.build import build_map
 from vnav.stages.locate import Locator
-from vnav.synthetic.capture import KINECT, PHONE, CaptureSpec, write_capture
+from vnav.synthetic.rendered_capture import KINECT, PHONE, CaptureSpec, write_capture
 from vnav.synthetic.sensor import Sensor
 
 GOOD, BAD = Sensor(), Sensor(color_sigma=8.0, jpeg_quality=50, gain_drift=0.15)

@@ -21,9 +21,9 @@ from numpy.typing import NDArray
 from vnav.config import Config
 from vnav.core import se3
 from vnav.core.camera import Intrinsics
-from vnav.io.camera_file import read_color
-from vnav.io.map_folder import MapFolder
-from vnav.stages.answer import Answer
+from vnav.io.formats.camera_file import read_color
+from vnav.io.store.map_folder import MapFolder
+from vnav.localisation.answer import PhotoAnswer
 from vnav.stages.locate import Locator, locate
 
 Image = NDArray[np.uint8]
@@ -95,7 +95,9 @@ def spoil(photos: Sequence[Path], k: Intrinsics, way: str, out: Path) -> NDArray
 
 
 def errors(
-    answers: Iterator[Answer], truth: dict[str, NDArray[np.float64]], R_old_new: NDArray[np.float64]
+    answers: Iterator[PhotoAnswer],
+    truth: dict[str, NDArray[np.float64]],
+    R_old_new: NDArray[np.float64],
 ) -> NDArray[np.float64]:
     """Metres and degrees (N, 2), NaN where a photo was not located."""
     found = []

@@ -12,11 +12,11 @@ from vnav.core import se3
 from vnav.core.frame import Features
 from vnav.core.mapping import Keyframe
 from vnav.features.matching import match
-from vnav.io.artifacts import load_odometry, load_optimised
-from vnav.io.map_folder import MapFolder
+from vnav.io.store.artifacts import load_odometry, load_optimised
+from vnav.io.store.map_folder import MapFolder
+from vnav.localisation.answer import PhotoAnswer
 from vnav.localisation.ransac import Terms, agree
 from vnav.localisation.refine import Lens, Sightings
-from vnav.stages.answer import Answer
 
 Array = NDArray[np.float64]
 
@@ -30,7 +30,7 @@ class Exhaustive:
         poses = load_optimised(folder).T_world_camera
         self._views = [_with_depth(k, poses[k.row]) for k in load_odometry(folder).keyframes]
 
-    def locate(self, answer: Answer, config: Config) -> Array | None:
+    def locate(self, answer: PhotoAnswer, config: Config) -> Array | None:
         """T_world_camera of a photo whose features are known; None where there is no pose."""
         photo, found = answer.photo, []
         for features, points in self._views:

@@ -21,12 +21,12 @@ from numpy.typing import NDArray
 from vnav.config import Config, updated
 from vnav.core.frame import Edge
 from vnav.core.mapping import LoopVerdict
-from vnav.io.artifacts import load_loop_edges, load_loops, load_odometry, save_loops
-from vnav.io.capture import read_truth
-from vnav.io.map_folder import MapFolder
-from vnav.io.trajectories import read_tum
+from vnav.evaluation.score import score
+from vnav.io.formats.trajectories import read_tum
+from vnav.io.sources.capture import read_truth
+from vnav.io.store.artifacts import load_loop_edges, load_loops, load_odometry, save_loops
+from vnav.io.store.map_folder import MapFolder
 from vnav.stages import optimise
-from vnav.stages.score import score
 
 SHARE = 0.1
 MAX_DIFFERENCE_S = 0.02  # between a pose and its true one

@@ -25,10 +25,10 @@ from vnav.config import CaptureConfig
 from vnav.core import se3
 from vnav.core.camera import Camera, Intrinsics
 from vnav.core.trajectory import Trajectory
-from vnav.io import tum
-from vnav.io.camera_file import read_camera
-from vnav.io.frame_list import FramePair, ImageFile
-from vnav.io.trajectories import read_tum, write_tum
+from vnav.io.formats.camera_file import read_camera
+from vnav.io.formats.trajectories import read_tum, write_tum
+from vnav.io.sources import tum
+from vnav.io.sources.frame_list import FramePair, ImageFile
 
 BLUR_PX, BLURRED_EVERY = 9, 10
 EXPOSURES, EXPOSED_FOR = (1.0, 0.5, 1.0, 2.0), 15  # of stored values; each jump is a factor of 2

@@ -38,14 +38,14 @@ from photo_cases import Case, building, cases, command  # noqa: E402
 from vnav.config import Config  # noqa: E402
 from vnav.core import se3  # noqa: E402
 from vnav.features import sift  # noqa: E402
-from vnav.io.index_file import load_index  # noqa: E402
-from vnav.io.trajectories import read_tum  # noqa: E402
-from vnav.io.tree_file import load_tree  # noqa: E402
+from vnav.io.formats.trajectories import read_tum  # noqa: E402
+from vnav.io.store.index_file import load_index  # noqa: E402
+from vnav.io.store.tree_file import load_tree  # noqa: E402
 from vnav.localisation import hypotheses, localise  # noqa: E402
+from vnav.localisation.answer import PhotoAnswer  # noqa: E402
 from vnav.localisation.ransac import Terms, agree  # noqa: E402
 from vnav.localisation.refine import Lens, Sightings  # noqa: E402
 from vnav.stages import locate  # noqa: E402
-from vnav.stages.answer import Answer  # noqa: E402
 from vnav.stages.locate import Locator  # noqa: E402
 
 Array = NDArray[np.float64]
@@ -123,7 +123,7 @@ def watched() -> Iterator[Clock]:
             setattr(module, name, function)
 
 
-def asked(locator: Locator, photo: Path) -> tuple[Answer, dict[str, Times], Clock]:
+def asked(locator: Locator, photo: Path) -> tuple[PhotoAnswer, dict[str, Times], Clock]:
     """The answer, and times of SIFT, of all that follows, and of its parts."""
     with watched() as clock:
         answer = locator.locate(photo)

@@ -11,9 +11,9 @@ from calibrate_confidence import photos_of, true_poses
 from numpy.typing import NDArray
 from speed import SHARED
 
-from vnav.io.map_folder import MapFolder
-from vnav.io.trajectories import read_tum
-from vnav.synthetic.capture import KINECT, PHONE, CaptureSpec, write_capture
+from vnav.io.formats.trajectories import read_tum
+from vnav.io.store.map_folder import MapFolder
+from vnav.synthetic.rendered_capture import KINECT, PHONE, CaptureSpec, write_capture
 
 Array = NDArray[np.float64]
 

@@ -29,8 +29,8 @@ from numpy.typing import NDArray
 
 from vnav.config import CaptureConfig, FeaturesConfig
 from vnav.features import front_end
-from vnav.io.capture import Capture, open_capture
-from vnav.io.map_folder import STAGES
+from vnav.io.sources.capture import Capture, open_capture
+from vnav.io.store.map_folder import STAGES
 from vnav.synthetic import DEMO, cached_capture
 
 SHARED = Path(__file__).parents[2] / "shared" / "captures"

@@ -15,7 +15,7 @@ from vnav.cli.options import (
 from vnav.cli.summary import show
 
 if TYPE_CHECKING:
-    from vnav.stages.build_map import Built
+    from vnav.pipeline.build import BuiltMap
 
 capture_argument = click.argument("capture_dir", metavar="CAPTURE", type=click.Path(path_type=Path))
 camera_option = click.option(
@@ -74,9 +74,9 @@ def build_map(
     vnav build-map my_capture --map my-map
     vnav build-map monday tuesday --maps maps --jobs 2
     """
-    from vnav import batch, config
+    from vnav import api, batch, config
     from vnav.core.report import Failed
-    from vnav.stages import build_map as chain
+    from vnav.pipeline.build import BuildTask
 
     require_one_way(jobs, scheduler)
     if len(captures) > 1 and maps_dir is None:
@@ -85,18 +85,18 @@ def build_map(
         raise click.UsageError("expected one CAPTURE with --trajectory, found several")
     resolved, camera = config.load(config_source, settings), camera_file and camera_file.absolute()
     given = trajectory_file and trajectory_file.absolute()
-    tasks: list[chain.Task] = []
+    tasks: list[BuildTask] = []
     for capture in captures:
         folder = maps_dir / capture.resolve().name if maps_dir else map_dir
         place = folder.absolute()
-        task = chain.Task(capture.absolute(), place, resolved, camera, given, fresh, force)
+        task = BuildTask(capture.absolute(), place, resolved, camera, given, fresh, force)
         if place in (other.map_dir for other in tasks):
             raise click.UsageError(f"expected captures of different names, found two {task.name}")
         tasks.append(task)
 
     failed = False
     results = batch.run(
-        chain.build, tasks, jobs=jobs or 0, scheduler=scheduler, progress=console_progress()
+        api.build_map, tasks, jobs=jobs or 0, scheduler=scheduler, progress=console_progress()
     )
     for k, result in results:
         if isinstance(result, Failed):
@@ -108,7 +108,7 @@ def build_map(
     return int(failed)
 
 
-def _show(map_dir: Path, built: "Built") -> None:
+def _show(map_dir: Path, built: "BuiltMap") -> None:
     for warning in built.warnings:
         click.echo(f"vnav: warning: {warning}", err=True)
     show(built.reports)

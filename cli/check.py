@@ -26,8 +26,8 @@ def check(
     Every file is read, some frames are measured. Exit code 1 where something would stop a map.
     """
     from vnav import config
-    from vnav.io.capture import open_capture
-    from vnav.stages import check as stage
+    from vnav.checking import capture_report as stage
+    from vnav.io.sources.capture import open_capture
 
     resolved = config.load(config_source, settings)
     capture = open_capture(capture_dir, resolved.capture, camera_file)

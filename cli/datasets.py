@@ -33,8 +33,8 @@ def datasets() -> None:
 @json_option
 def list_(names: tuple[str, ...], root: Path | None, as_json: bool) -> None:
     """List the sequences that can be fetched: all, or those NAMEs or patterns stand for."""
-    from vnav.io.catalogue import catalogue, named
-    from vnav.io.datasets import datasets_folder, state
+    from vnav.io.datasets.catalogue import catalogue, named
+    from vnav.io.datasets.datasets import datasets_folder, state
 
     root = root or datasets_folder()
     chosen = named(catalogue(), names) if names else catalogue()
@@ -77,9 +77,9 @@ def fetch(names: tuple[str, ...], root: Path | None, base_url: str | None) -> No
 
     Goes on where an earlier fetch broke off; checks the archive; unpacks it.
     """
-    from vnav.io.catalogue import catalogue, named
-    from vnav.io.datasets import datasets_folder
-    from vnav.io.datasets import fetch as fetch_one
+    from vnav.io.datasets.catalogue import catalogue, named
+    from vnav.io.datasets.datasets import datasets_folder
+    from vnav.io.datasets.datasets import fetch as fetch_one
 
     root = root or datasets_folder()
     for sequence in named(catalogue(base_url), names):
@@ -96,8 +96,8 @@ def verify(names: tuple[str, ...], root: Path | None, as_json: bool) -> int:
 
     Exit code 1 where a file is missing or damaged: fetch replaces the sequence then.
     """
-    from vnav.io import datasets as io
-    from vnav.io.catalogue import catalogue, named
+    from vnav.io.datasets import datasets as io
+    from vnav.io.datasets.catalogue import catalogue, named
 
     root = root or io.datasets_folder()
     chosen = named(catalogue(), names) if names else catalogue()

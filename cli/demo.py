@@ -23,7 +23,7 @@ def demo(out: Path) -> int:
     code 3: a photo was not located, or there is no path.
     """
     from vnav.config import Config
-    from vnav.stages.answer import summary
+    from vnav.localisation.answer import summary
     from vnav.stages.plan import summary as plan_summary
     from vnav.synthetic import demo as chain
 

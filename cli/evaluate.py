@@ -54,10 +54,12 @@ def evaluate(
     """
     from vnav import batch
     from vnav.core.report import Failed
-    from vnav.io.map_folder import write_text
-    from vnav.io.suite_file import read_suite
-    from vnav.stages import evaluate as stage
-    from vnav.stages import run_files, run_page, runs
+    from vnav.evaluation import result_files as run_files
+    from vnav.evaluation import sequence as stage
+    from vnav.evaluation import stored_runs as runs
+    from vnav.io.datasets.suite_file import read_suite
+    from vnav.io.store.map_folder import write_text
+    from vnav.reporting import run_page
 
     require_one_way(jobs, scheduler)
     suite = read_suite(suite_source)

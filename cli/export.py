@@ -22,8 +22,8 @@ import click
 )
 def export(map_dir: Path, out: Path, **formats: str | None) -> None:
     """Write parts of the map in the folder MAP, in the formats asked for; several at once."""
-    from vnav.io.map_folder import MapFolder
-    from vnav.stages import export as stage
+    from vnav.io.store import export as stage
+    from vnav.io.store.map_folder import MapFolder
 
     wanted = {kind: form for kind, form in formats.items() if form is not None}
     if not wanted:

@@ -37,15 +37,15 @@ def extend(
     vnav extend house kitchen
     vnav extend house bedroom --camera phone.toml
     """
-    from vnav import config
-    from vnav.io.capture import open_capture
-    from vnav.io.map_folder import MapFolder
-    from vnav.stages import extend as stage
+    from vnav import api, config
+    from vnav.io.sources.capture import open_capture
+    from vnav.io.store.map_folder import MapFolder
+    from vnav.pipeline.extend import made_with
 
     folder = MapFolder.open(map_dir)
-    resolved = config.load(config_source, settings, stage.made_with(folder))
+    resolved = config.load(config_source, settings, made_with(folder))
     capture = open_capture(capture_dir, resolved.capture, camera_file)
-    extended = stage.extend(folder, capture, resolved, force=force, progress=console_progress())
+    extended = api.extend_map(folder, capture, resolved, force=force, progress=console_progress())
     for warning in extended.warnings:
         click.echo(f"vnav: warning: {warning}", err=True)
     show(extended.reports)

@@ -13,8 +13,8 @@ import click
 @click.option("--json", "as_json", is_flag=True, help="Print everything as one JSON object.")
 def info(map_dir: Path, as_json: bool) -> None:
     """Print what the map in the folder MAP holds, and which of its stages are up to date."""
-    from vnav.io.map_folder import MapFolder
-    from vnav.stages.overview import overview
+    from vnav.io.store.map_folder import MapFolder
+    from vnav.io.store.overview import overview
 
     values = overview(MapFolder.open(map_dir))
     if as_json:

@@ -16,8 +16,8 @@ from vnav.cli.options import (
 )
 
 if TYPE_CHECKING:
-    from vnav.stages.answer import Answer, Unreadable
-    from vnav.stages.locate_many import Task
+    from vnav.localisation.answer import PhotoAnswer, UnreadablePhoto
+    from vnav.pipeline.locate_many import LocateTask
 
 CAMERA_HELP = (
     "Camera of the photos, a camera.toml, or 'auto' to estimate it. Without it: camera.toml beside"
@@ -64,25 +64,26 @@ def locate(
     vnav locate thousands/ --json --scheduler tcp://10.0.0.1:8786
     """
     from vnav import config
-    from vnav.io.map_folder import MapFolder
-    from vnav.io.photos import AUTO, find_photos
+    from vnav.io.photos.photos import AUTO, find_photos
+    from vnav.io.store.map_folder import MapFolder
+    from vnav.localisation.answer import PhotoAnswer, UnreadablePhoto, summary
+    from vnav.pipeline import locate_many as many
+    from vnav.reporting import overlay as picture
+    from vnav.reporting.photo_table import write_csv
     from vnav.stages import locate as stage
-    from vnav.stages import locate_many as many
-    from vnav.stages import overlay as picture
-    from vnav.stages.answer import Answer, Unreadable, summary, write_csv
 
     require_one_way(jobs, scheduler)
     folder, resolved = MapFolder.open(map_dir), config.load(config_source, settings)
     of_all = Path(camera).absolute() if camera not in (None, AUTO) else camera
     locator = stage.Locator(folder, resolved, of_all)
     paths, alone = find_photos(photos), len(photos) == 1 and not photos[0].is_dir()
-    answers: list[Answer | Unreadable] = []
+    answers: list[PhotoAnswer | UnreadablePhoto] = []
     if alone:
         answers.append(locator.locate(paths[0]))
     elif jobs or scheduler:
         asked = [path.absolute() for path in paths] if scheduler else paths
         shares = many.shares(asked, jobs or 0)
-        tasks = [many.Task(share, map_dir.absolute(), resolved, of_all) for share in shares]
+        tasks = [many.LocateTask(share, map_dir.absolute(), resolved, of_all) for share in shares]
         answers += _shared_out(tasks, jobs or 0, scheduler)
     else:
         answers += stage.locate(locator, paths, progress=console_progress())
@@ -93,7 +94,7 @@ def locate(
     for answer in answers:
         if not as_json:
             click.echo(summary(answer))
-        if isinstance(answer, Unreadable):
+        if isinstance(answer, UnreadablePhoto):
             continue
         for warning in answer.warnings:
             click.echo(f"vnav: warning: {warning}", err=True)
@@ -107,19 +108,21 @@ def locate(
     return _exit_code(answers)
 
 
-def _shared_out(tasks: "list[Task]", jobs: int, scheduler: str) -> "list[Answer | Unreadable]":
+def _shared_out(
+    tasks: "list[LocateTask]", jobs: int, scheduler: str
+) -> "list[PhotoAnswer | UnreadablePhoto]":
     """Answers in the order of the photos, found in processes or on a cluster."""
     from vnav import batch
     from vnav.core.report import Failed
-    from vnav.stages.answer import Unreadable
-    from vnav.stages.locate_many import locate_photos
+    from vnav.localisation.answer import UnreadablePhoto
+    from vnav.pipeline.locate_many import locate_photos
 
-    found: dict[int, list[Answer | Unreadable]] = {}
+    found: dict[int, list[PhotoAnswer | UnreadablePhoto]] = {}
     progress, count = console_progress(), sum(len(task.photos) for task in tasks)
     for k, result in batch.run(locate_photos, tasks, jobs=jobs, scheduler=scheduler):
         if isinstance(result, Failed):
             click.echo(result.traceback, err=True, nl=False)
-            result = [Unreadable(path, result.reason) for path in tasks[k].photos]
+            result = [UnreadablePhoto(path, result.reason) for path in tasks[k].photos]
         found[k] = result
         progress("locate", sum(map(len, found.values())), count)
     return [answer for k in range(len(tasks)) for answer in found[k]]
@@ -127,9 +130,9 @@ def _shared_out(tasks: "list[Task]", jobs: int, scheduler: str) -> "list[Answer 
 
 def _exit_code(answers: Sequence[object]) -> int:
     """1 where a photo could not be read, 3 where one was not located."""
-    from vnav.stages.answer import Answer
+    from vnav.localisation.answer import PhotoAnswer
 
-    read = [answer for answer in answers if isinstance(answer, Answer)]
+    read = [answer for answer in answers if isinstance(answer, PhotoAnswer)]
     if len(read) < len(answers):
         return 1
     return 0 if all(answer.best is not None for answer in read) else 3

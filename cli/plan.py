@@ -66,8 +66,8 @@ def plan(
     vnav plan --from here.jpg --to 2.5,-1 --csv path.csv --png path.png
     """
     from vnav import config
-    from vnav.io.map_folder import MapFolder
-    from vnav.io.photos import AUTO
+    from vnav.io.photos.photos import AUTO
+    from vnav.io.store.map_folder import MapFolder
     from vnav.planning.planner import Plan
     from vnav.stages import plan as stage
 
@@ -85,7 +85,7 @@ def plan(
     if csv_file and isinstance(answer.plan, Plan):
         stage.write_csv(csv_file, answer.plan)
     if png_file:
-        from vnav.stages.plan_picture import write_picture
+        from vnav.reporting.plan_picture import write_picture
 
         write_picture(png_file, answer, settings_of_plan)
     if as_json:

@@ -12,7 +12,7 @@ def report(map_dir: Path) -> None:
 
     The page is one file that needs nothing else.
     """
-    from vnav.io.map_folder import MapFolder
-    from vnav.stages import report as stage
+    from vnav.io.store.map_folder import MapFolder
+    from vnav.reporting import map_page as stage
 
     click.echo(stage.write(MapFolder.open(map_dir)))

@@ -44,9 +44,9 @@ def score(
     that comes with its truth. docs/scoring.md defines every figure.
     """
     from vnav.config import CaptureConfig
-    from vnav.io.capture import read_truth
-    from vnav.io.trajectories import read_tum
-    from vnav.stages import score as stage
+    from vnav.evaluation import score as stage
+    from vnav.io.formats.trajectories import read_tum
+    from vnav.io.sources.capture import read_truth
 
     estimate = read_tum(trajectory)
     true = read_truth(truth, CaptureConfig(), camera_file)

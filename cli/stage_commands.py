@@ -26,11 +26,11 @@ def odometry(
 ) -> None:
     """Track every frame of a capture, or take given poses, and choose keyframes."""
     from vnav import config
-    from vnav.io.capture import open_capture
-    from vnav.io.map_folder import MapFolder
-    from vnav.io.trajectories import read_tum
+    from vnav.io.formats.trajectories import read_tum
+    from vnav.io.sources.capture import open_capture
+    from vnav.io.store.map_folder import MapFolder
+    from vnav.pipeline.build import expect_capture
     from vnav.stages import odometry as stage
-    from vnav.stages.build_map import expect_capture
 
     resolved = config.load(config_source, settings)
     capture = open_capture(capture_dir, resolved.capture, camera_file)
@@ -47,13 +47,13 @@ def _stage_command(name: str, summary: str) -> click.Command:
     @map_option
     @config_options
     def command(map_dir: Path, config_source: str | None, settings: tuple[str, ...]) -> None:
-        from vnav import config
-        from vnav.io.map_folder import MapFolder
+        from vnav import api, config
+        from vnav.io.store.map_folder import MapFolder
 
         resolved = config.load(config_source, settings)
         MapFolder.open(map_dir)
-        stage = import_module(f"vnav.stages.{name}")
-        show([stage.run(MapFolder.create(map_dir), resolved, progress=console_progress())])
+        run = api.fuse if name == "fuse" else import_module(f"vnav.stages.{name}").run
+        show([run(MapFolder.create(map_dir), resolved, progress=console_progress())])
 
     return command
 

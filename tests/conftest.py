@@ -6,9 +6,16 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import pytest
+
+if TYPE_CHECKING:
+    from vnav.core.camera import Intrinsics
+    from vnav.core.frame import Frame
+    from vnav.core.mapping import Odometry
+    from vnav.io.store.map_folder import MapFolder
+    from vnav.registration import Sensor
 
 # As the command does, before numpy is imported: commands run in this process and in others agree.
 os.environ["OPENBLAS_NUM_THREADS"] = "1"
@@ -26,8 +33,8 @@ def tiny_capture(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def tiny_map(tmp_path_factory: pytest.TempPathFactory, tiny_capture: Path) -> Path:
     """A map of that room by the stages themselves, up to optimise, from half the usual features."""
     from vnav.config import CaptureConfig, Config, FeaturesConfig
-    from vnav.io.capture import open_capture
-    from vnav.io.map_folder import MapFolder
+    from vnav.io.sources.capture import open_capture
+    from vnav.io.store.map_folder import MapFolder
     from vnav.stages import loops, odometry, optimise, vocabulary
 
     folder = MapFolder.create(tmp_path_factory.mktemp("maps") / "tiny")
@@ -36,6 +43,51 @@ def tiny_map(tmp_path_factory: pytest.TempPathFactory, tiny_capture: Path) -> Pa
     for stage in (vocabulary, loops, optimise):
         stage.run(folder, config)
     return folder.root
+
+
+@pytest.fixture(scope="module")
+def folder(tiny_map: Path) -> "MapFolder":
+    """The map of the tiny capture."""
+    from vnav.io.store.map_folder import MapFolder
+
+    return MapFolder(tiny_map)
+
+
+@pytest.fixture(scope="module")
+def odometry(folder: "MapFolder") -> "Odometry":
+    """What the odometry stage made of the tiny capture."""
+    from vnav.io.store.artifacts import load_odometry
+
+    return load_odometry(folder)
+
+
+@pytest.fixture(scope="module")
+def camera(folder: "MapFolder") -> "Intrinsics":
+    """The camera of the tiny capture."""
+    from vnav.io.store.artifacts import map_camera
+
+    return map_camera(folder)
+
+
+@pytest.fixture(scope="module")
+def frames(tiny_capture: Path) -> "list[Frame]":
+    """The first six frames of the tiny capture."""
+    from vnav.config import CaptureConfig
+    from vnav.io.sources.capture import open_capture
+
+    capture = open_capture(tiny_capture, CaptureConfig())
+    return [capture.read(k) for k in range(6)]
+
+
+@pytest.fixture(scope="module")
+def sensor(camera: "Intrinsics") -> "Sensor":
+    """That camera, with the default noise and matcher."""
+    from vnav.config import RegistrationConfig
+    from vnav.features.matching import DescriptorMatcher
+    from vnav.registration import Sensor
+
+    config = RegistrationConfig()
+    return Sensor(camera, config, DescriptorMatcher(config))
 
 
 @pytest.fixture(scope="session")
@@ -58,10 +110,10 @@ def posed_map(tmp_path_factory: pytest.TempPathFactory, tiny_capture: Path) -> P
         OptimisedMap,
         World,
     )
-    from vnav.io import artifacts
-    from vnav.io.capture import open_capture
-    from vnav.io.map_folder import MapFolder
-    from vnav.io.trajectories import read_tum, write_tum
+    from vnav.io.formats.trajectories import read_tum, write_tum
+    from vnav.io.sources.capture import open_capture
+    from vnav.io.store import artifacts
+    from vnav.io.store.map_folder import MapFolder
 
     folder = MapFolder.create(tmp_path_factory.mktemp("maps") / "posed")
     capture = open_capture(tiny_capture, CaptureConfig())
@@ -105,7 +157,7 @@ def fused_map(tmp_path_factory: pytest.TempPathFactory, posed_map: Path) -> Path
     import shutil
 
     from vnav.config import Config
-    from vnav.io.map_folder import MapFolder
+    from vnav.io.store.map_folder import MapFolder
     from vnav.stages import fuse
 
     root = tmp_path_factory.mktemp("maps") / "fused"
@@ -120,9 +172,9 @@ def whole_map(tmp_path_factory: pytest.TempPathFactory, tiny_capture: Path, tiny
     import shutil
 
     from vnav.config import CaptureConfig, Config, FeaturesConfig
-    from vnav.io.capture import open_capture
-    from vnav.io.map_folder import MapFolder
-    from vnav.stages.build_map import build_map
+    from vnav.io.sources.capture import open_capture
+    from vnav.io.store.map_folder import MapFolder
+    from vnav.pipeline.build import build_map
 
     root = tmp_path_factory.mktemp("maps") / "whole"
     shutil.copytree(tiny_map, root)
@@ -173,9 +225,9 @@ def extended_map(
     import shutil
 
     from vnav.config import FuseConfig
-    from vnav.io.capture import open_capture
-    from vnav.io.map_folder import MapFolder
-    from vnav.stages.extend import extend, made_with
+    from vnav.io.sources.capture import open_capture
+    from vnav.io.store.map_folder import MapFolder
+    from vnav.pipeline.extend import extend, made_with
 
     folder = MapFolder(tmp_path_factory.mktemp("maps") / "extended")
     shutil.copytree(whole_map, folder.root)

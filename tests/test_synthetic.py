@@ -24,9 +24,9 @@ from vnav.synthetic import (
     write_capture,
 )
 from vnav.synthetic.building import building
-from vnav.synthetic.capture import camera_poses, photo_poses
 from vnav.synthetic.furniture import shelf, table
 from vnav.synthetic.path import look
+from vnav.synthetic.rendered_capture import camera_poses, photo_poses
 from vnav.synthetic.repeating import ROOM_M, SHELF_M, shop, twin_rooms
 from vnav.synthetic.scene import placed
 from vnav.synthetic.sensor import measured_depth

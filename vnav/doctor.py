@@ -20,7 +20,7 @@ OWNERS = {
     "numba": "",
     "matplotlib": "",
     "opencv-contrib-python-headless": "vnav.features.sift",
-    "gtsam": "vnav.posegraph",
+    "gtsam": "vnav.optimisation.pose_graph",
     "octomap-python": "vnav.volumes.octree",
     "open3d": "vnav.volumes.tsdf",
     "scikit-learn": "vnav.vocabulary",

@@ -11,8 +11,8 @@ import pytest
 from vnav.config import CaptureConfig
 from vnav.core import se3
 from vnav.core.camera import Camera, Intrinsics
-from vnav.io.capture import open_capture
-from vnav.io.trajectories import read_tum
+from vnav.io.formats.trajectories import read_tum
+from vnav.io.sources.capture import open_capture
 
 
 @pytest.fixture(scope="module")
@@ -183,7 +183,7 @@ def distorted(camera: Intrinsics, points_camera: np.ndarray) -> np.ndarray:
 
 
 def test_a_camera_file_says_what_the_camera_is(hard: ModuleType, tmp_path: Path) -> None:
-    from vnav.io.camera_file import read_camera
+    from vnav.io.formats.camera_file import read_camera
 
     color = Intrinsics(64, 48, 52.0, 53.0, 30.5, 25.0, (0.2, -0.1, 0.003, -0.002, 0.01))
     identity = tuple(map(tuple, np.eye(4).tolist()))
@@ -196,7 +196,7 @@ def test_a_camera_file_says_what_the_camera_is(hard: ModuleType, tmp_path: Path)
 def test_the_suite_lists_versions_that_lie_beside_it(
     hard: ModuleType, tiny_capture: Path, tmp_path: Path
 ) -> None:
-    from vnav.io.suite_file import files_of, read_suite
+    from vnav.io.datasets.suite_file import files_of, read_suite
 
     source = hard.Source.open(tiny_capture)
     for name in ("clean", "cut"):

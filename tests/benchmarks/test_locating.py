@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from vnav.config import Config
-from vnav.io.map_folder import MapFolder
+from vnav.io.store.map_folder import MapFolder
 from vnav.stages.locate import Locator
 
 

@@ -7,7 +7,7 @@ import pytest
 from click.testing import CliRunner, Result
 
 from vnav.cli.main import cli
-from vnav.io.map_folder import MapFolder
+from vnav.io.store.map_folder import MapFolder
 
 SAME = ("--set", "features.max_features=700")  # as whole_map was made
 

@@ -17,7 +17,7 @@ from click.testing import CliRunner, Result
 
 from vnav.cli.main import cli
 from vnav.errors import ConfigError, VnavError
-from vnav.io.trajectories import read_tum
+from vnav.io.formats.trajectories import read_tum
 
 FRAMES = 16  # enough for a map; every eighth is held out of it
 SUITE = """

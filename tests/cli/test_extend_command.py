@@ -11,7 +11,7 @@ from click.testing import CliRunner, Result
 
 from vnav.cli.main import cli
 from vnav.errors import CaptureError, MapError
-from vnav.io.map_folder import MapFolder
+from vnav.io.store.map_folder import MapFolder
 
 HERE, THERE = slice(14, None, 2), slice(1, 9)  # lines of the lists of frames, below their heads
 

@@ -13,8 +13,8 @@ from click.testing import CliRunner, Result
 
 from vnav.cli.main import cli
 from vnav.errors import CameraError, MapError, PhotoError
-from vnav.io.map_folder import MapFolder
-from vnav.stages.locate_many import shares
+from vnav.io.store.map_folder import MapFolder
+from vnav.pipeline.locate_many import shares
 
 
 @pytest.fixture(scope="module")

@@ -11,9 +11,9 @@ from click.testing import CliRunner, Result
 
 from vnav.cli.main import cli
 from vnav.errors import MapError, StaleArtifact
-from vnav.io.map_folder import MapFolder
-from vnav.io.ply import read_cloud, read_mesh
-from vnav.io.trajectories import read_tum
+from vnav.io.formats.ply import read_cloud, read_mesh
+from vnav.io.formats.trajectories import read_tum
+from vnav.io.store.map_folder import MapFolder
 
 
 def run(*arguments: object) -> Result:

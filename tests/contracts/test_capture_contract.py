@@ -12,7 +12,7 @@ import pytest
 
 from vnav.config import CaptureConfig
 from vnav.errors import CaptureError
-from vnav.io.capture import FORMATS, Capture, open_capture
+from vnav.io.sources.capture import FORMATS, Capture, open_capture
 
 FRAMES = 5
 WIDTH, HEIGHT = 32, 24

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from vnav.core.cloud import Mesh, PointCloud
+from vnav.core.point_cloud import Mesh, PointCloud
 
 
 def test_arrays_are_typed_and_read_only() -> None:

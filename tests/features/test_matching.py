@@ -4,7 +4,7 @@ import numpy as np
 
 from vnav.config import RegistrationConfig
 from vnav.core.frame import Features
-from vnav.features.guided import match_near
+from vnav.features.guided_matching import match_near
 from vnav.features.matching import DescriptorMatcher, match
 from vnav.features.sift import ROOT_SCALE
 

@@ -17,7 +17,7 @@ import pytest
 from numpy.typing import NDArray
 
 from vnav.core import se3
-from vnav.io.trajectories import read_tum
+from vnav.io.formats.trajectories import read_tum
 
 ROOT = Path(__file__).parents[2]
 CAPTURES = ROOT.parent / "shared" / "captures"

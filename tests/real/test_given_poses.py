@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from vnav.core import se3
-from vnav.io.trajectories import read_tum
+from vnav.io.formats.trajectories import read_tum
 
 pytestmark = [pytest.mark.real, pytest.mark.long]  # a second build of the kitchen
 

@@ -12,10 +12,10 @@ import pytest
 from vnav.config import Config, FuseConfig
 from vnav.core.grid import FREE, OCCUPIED, Grid
 from vnav.errors import MapError
-from vnav.io import artifacts
-from vnav.io.grid_files import read_grid
-from vnav.io.map_folder import MapFolder
-from vnav.io.ply import read_cloud, read_mesh
+from vnav.io.formats.grid_files import read_grid
+from vnav.io.formats.ply import read_cloud, read_mesh
+from vnav.io.store import artifacts
+from vnav.io.store.map_folder import MapFolder
 from vnav.stages import fuse
 from vnav.volumes.octree import Octree
 
@@ -43,11 +43,6 @@ def true_states_near(grid: Grid, truth: Grid, cells: np.ndarray, reach: int) -> 
 
 def test_every_file_of_the_stage_is_written(fused_map: Path) -> None:
     assert {p.name for p in (fused_map / "fuse").iterdir()} == {*FILES, "stage.json"}
-
-
-def test_pictures_are_drawn(fused_map: Path) -> None:
-    for name in ("trajectory", "grid", "cloud"):
-        assert (fused_map / "reports" / f"{name}.png").read_bytes().startswith(b"\x89PNG")
 
 
 def test_occupied_cells_are_where_something_stands(grid: Grid, true_grid: Grid) -> None:
@@ -105,8 +100,7 @@ def test_the_same_bytes_whatever_the_number_of_threads(
     shutil.copytree(posed_map, tmp_path / "map")
     code = (
         "import sys; from pathlib import Path; from vnav.config import Config;"
-        "from vnav.io.map_folder import MapFolder; from vnav.stages import fuse;"
-        "fuse.pictures.draw = lambda folder: None;"
+        "from vnav.io.store.map_folder import MapFolder; from vnav.stages import fuse;"
         "fuse.run(MapFolder(Path(sys.argv[1])), Config())"
     )
     subprocess.run(
@@ -133,9 +127,9 @@ def test_a_keyframe_without_a_pose_is_left_out(posed_map: Path, tmp_path: Path) 
     result = artifacts.load_optimised(folder)
     poses = result.T_world_camera.copy()
     poses[5] = np.nan
-    views = fuse.Views(folder)
+    views = fuse.PosedFrames(folder)
     assert len(views) == 12
     with folder.writing("optimise", {}, folder.inputs_of("odometry", "loops")) as draft:
         changed = type(result)(poses, result.keyframe_covariance, result.landmarks, result.world)
         artifacts.save_optimised(draft, changed)
-    assert [view.frame.index for view in fuse.Views(folder)] == [0, *range(10, 60, 5)]
+    assert [view.frame.index for view in fuse.PosedFrames(folder)] == [0, *range(10, 60, 5)]

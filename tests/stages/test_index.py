@@ -6,10 +6,10 @@ import pytest
 
 from vnav.config import Config, IndexConfig
 from vnav.errors import MapError, StaleArtifact
-from vnav.io.artifacts import load_optimised
-from vnav.io.index_file import load_index
-from vnav.io.map_folder import MapFolder
-from vnav.io.tree_file import load_tree
+from vnav.io.store.artifacts import load_optimised
+from vnav.io.store.index_file import load_index
+from vnav.io.store.map_folder import MapFolder
+from vnav.io.store.tree_file import load_tree
 from vnav.stages import index, vocabulary
 from vnav.volumes.octree import Octree
 

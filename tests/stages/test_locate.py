@@ -10,12 +10,13 @@ import pytest
 from vnav.config import Config
 from vnav.core import se3
 from vnav.errors import PhotoError
-from vnav.io.artifacts import load_optimised
-from vnav.io.map_folder import MapFolder
-from vnav.io.trajectories import read_tum
+from vnav.io.formats.trajectories import read_tum
+from vnav.io.store.artifacts import load_optimised
+from vnav.io.store.map_folder import MapFolder
+from vnav.localisation.answer import UnreadablePhoto, summary
 from vnav.localisation.localise import NotLocated
-from vnav.stages import inset, overlay
-from vnav.stages.answer import CSV_HEADER, Unreadable, summary, write_csv
+from vnav.reporting import inset, overlay
+from vnav.reporting.photo_table import CSV_HEADER, write_csv
 from vnav.stages.locate import Locator, brightened, locate, remember, scaled_down
 
 
@@ -146,9 +147,9 @@ def test_an_unreadable_photo_does_not_stop_the_others(
     broken = tmp_path / "broken.jpg"
     broken.write_text("no image")
     first, second = locate(locator, [broken, photos[0]])
-    assert isinstance(first, Unreadable)
+    assert isinstance(first, UnreadablePhoto)
     assert "broken.jpg" in first.reason
-    assert not isinstance(second, Unreadable)
+    assert not isinstance(second, UnreadablePhoto)
     with pytest.raises(PhotoError, match=r"broken\.jpg"):
         locator.locate(broken)
 
@@ -202,7 +203,7 @@ def test_a_wrongly_assumed_camera_is_doubted(
 def test_the_table_has_a_line_for_each_photo(
     locator: Locator, photos: list[Path], tmp_path: Path
 ) -> None:
-    answers = [locator.locate(photos[0]), Unreadable(Path("x.jpg"), "expected, found")]
+    answers = [locator.locate(photos[0]), UnreadablePhoto(Path("x.jpg"), "expected, found")]
     write_csv(tmp_path / "poses.csv", answers)
     header, good, bad = (tmp_path / "poses.csv").read_text().splitlines()
     assert header.split(",") == list(CSV_HEADER)

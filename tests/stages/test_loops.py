@@ -7,17 +7,18 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from vnav import posegraph
 from vnav.config import Config
 from vnav.core import se3
 from vnav.core.camera import Intrinsics
 from vnav.core.frame import Edge
+from vnav.core.graph import chain
 from vnav.core.mapping import FrameTable, LoopVerdict, Odometry
 from vnav.core.tree import VocabularyTree
-from vnav.io.artifacts import load_loop_edges, load_loops
-from vnav.io.map_folder import MapFolder
-from vnav.io.trajectories import read_tum
-from vnav.io.tree_file import load_tree
+from vnav.io.formats.trajectories import read_tum
+from vnav.io.store.artifacts import load_loop_edges, load_loops
+from vnav.io.store.map_folder import MapFolder
+from vnav.io.store.tree_file import load_tree
+from vnav.optimisation import pose_graph
 from vnav.stages import loops
 
 CONFIG = Config()
@@ -57,7 +58,7 @@ def first_frames(odometry: Odometry, count: int, cut: int | None = None) -> Odom
     if cut is not None:
         inside = [e for e in inside if (e.i < cut) == (e.j < cut)]
     keyframes = tuple(k for k in odometry.keyframes if k.row < count)
-    poses, segment = posegraph.chain(count, inside, [k.row for k in keyframes])
+    poses, segment = chain(count, inside, [k.row for k in keyframes])
     return Odometry(
         FrameTable(table.capture[:count], table.index[:count], table.stamp_s[:count]),
         poses,
@@ -176,7 +177,7 @@ def test_segments_are_joined_however_soon_one_follows_the_other(
     half = first_frames(odometry, 24, cut=12)
     assert set(half.segment.tolist()) == {0, 1}
     found = loops.close(half, tree, [camera], CONFIG)
-    _, part = posegraph.join(half.T_segment_camera, half.segment, half.frames.capture, found.edges)
+    _, part = pose_graph.join(half.T_segment_camera, half.segment, half.frames.capture, found.edges)
     assert set(part.tolist()) == {0}
 
 

@@ -12,14 +12,14 @@ from vnav.config import CaptureConfig, Config, FeaturesConfig
 from vnav.core import se3
 from vnav.core.camera import Camera
 from vnav.core.frame import Edge, Frame
+from vnav.core.graph import chain
 from vnav.core.mapping import LOST, Odometry
 from vnav.errors import CaptureError
-from vnav.io.artifacts import load_keyframe, load_odometry, map_camera
-from vnav.io.capture import Capture, open_capture
-from vnav.io.frame_list import FrameList
-from vnav.io.map_folder import MapFolder
-from vnav.io.trajectories import read_tum
-from vnav.posegraph import chain
+from vnav.io.formats.trajectories import read_tum
+from vnav.io.sources.capture import Capture, open_capture
+from vnav.io.sources.frame_list import FrameList
+from vnav.io.store.artifacts import load_keyframe, load_odometry, map_camera
+from vnav.io.store.map_folder import MapFolder
 from vnav.stages import odometry
 
 CONFIG = Config(features=FeaturesConfig(max_features=700))  # half: quick

@@ -9,23 +9,24 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from vnav import posegraph
 from vnav.config import CaptureConfig, Config
 from vnav.core import se3
 from vnav.core.camera import Intrinsics
 from vnav.core.frame import Edge
+from vnav.core.graph import chain
 from vnav.core.mapping import LOST, Odometry, OptimisedMap
-from vnav.io.artifacts import (
+from vnav.io.formats.trajectories import read_tum
+from vnav.io.sources.capture import open_capture
+from vnav.io.store.artifacts import (
     load_loop_edges,
     load_odometry,
     load_optimised,
     save_loops,
     save_odometry,
 )
-from vnav.io.capture import open_capture
-from vnav.io.map_folder import MapFolder
-from vnav.io.trajectories import read_tum
-from vnav.stages import loops, optimise, solution, vocabulary
+from vnav.io.store.map_folder import MapFolder
+from vnav.optimisation import pose_graph, solution
+from vnav.stages import loops, optimise, vocabulary
 from vnav.stages import odometry as odometry_stage
 from vnav.synthetic import MINIATURE, one_room
 
@@ -51,7 +52,7 @@ def cut(odometry: Odometry, row: int) -> Odometry:
     """The same frames, no edge of which crosses a row."""
     inside = tuple(e for e in odometry.edges if (e.i < row) == (e.j < row))
     roots = [k.row for k in odometry.keyframes]
-    poses, segment = posegraph.chain(len(odometry.frames), inside, roots)
+    poses, segment = chain(len(odometry.frames), inside, roots)
     return dataclasses.replace(odometry, edges=inside, T_segment_camera=poses, segment=segment)
 
 
@@ -284,7 +285,7 @@ def test_a_keyframe_that_nothing_joins_does_not_part_those_around_it(
     T_first_after = se3.inverse(odometry.T_segment_camera[first]) @ odometry.T_segment_camera[after]
     edges.append(Edge(first, after, T_first_after, 1e4 * np.eye(6)))
     roots = [k.row for k in odometry.keyframes]
-    poses, segment = posegraph.chain(len(odometry.frames), edges, roots)
+    poses, segment = chain(len(odometry.frames), edges, roots)
     torn = dataclasses.replace(
         odometry, edges=tuple(edges), T_segment_camera=poses, segment=segment
     )
@@ -370,7 +371,7 @@ def test_keyframes_that_share_no_landmark_are_as_sure_as_odometry_between_them(
     none = np.zeros((0, 4), np.int32)
     rows = [k.row for k in odometry.keyframes]
     solved = solution.solve(odometry, (), none, [camera], CONFIG)
-    (way,) = posegraph.along(odometry.edges, [(rows[0], rows[1])])
+    (way,) = pose_graph.along(odometry.edges, [(rows[0], rows[1])])
     expected = np.linalg.inv(way.information) * solution.ALONG_FACTOR**2
     np.testing.assert_allclose(solved.adjusted.covariance[1], expected, rtol=1e-2, atol=1e-10)
 

@@ -17,12 +17,12 @@ from vnav.core.frame import Rejected
 from vnav.core.grid import FREE, OCCUPIED, Grid
 from vnav.core.mapping import Landmarks, OptimisedMap, World
 from vnav.errors import MapError, StaleArtifact, VnavError
-from vnav.io.artifacts import save_optimised
-from vnav.io.grid_files import write_grid
-from vnav.io.map_folder import MapFolder
+from vnav.io.formats.grid_files import write_grid
+from vnav.io.store.artifacts import save_optimised
+from vnav.io.store.map_folder import MapFolder
 from vnav.planning.planner import Plan
-from vnav.stages.plan import Answer, map_uncertainty_m, photo_locator, plan, summary, write_csv
-from vnav.stages.plan_picture import plan_figure, write_picture
+from vnav.reporting.plan_picture import plan_figure, write_picture
+from vnav.stages.plan import PlanAnswer, map_uncertainty_m, photo_locator, plan, summary, write_csv
 
 CONFIG = PlanConfig()
 LEVEL = np.array([[0, 0, 1], [-1, 0, 0], [0, -1, 0]], float)  # looks along x
@@ -59,7 +59,7 @@ def _blind(photo: Path) -> Rejected:
     return Rejected("too few matches")
 
 
-def _ask(folder: Path, start: str, goal: str) -> Answer:
+def _ask(folder: Path, start: str, goal: str) -> PlanAnswer:
     return plan(MapFolder.open(folder), start, goal, CONFIG, _blind)
 
 

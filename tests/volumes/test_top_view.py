@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from vnav.core.cloud import PointCloud
+from vnav.core.point_cloud import PointCloud
 from vnav.volumes.top_view import BACKGROUND, seen_from_above
 
 

@@ -5,7 +5,7 @@ import pytest
 
 from vnav.core import se3
 from vnav.core.camera import Intrinsics
-from vnav.core.cloud import Mesh
+from vnav.core.point_cloud import Mesh
 from vnav.volumes import tsdf
 from vnav.volumes.tsdf import TsdfVolume
 

@@ -1,9 +1,13 @@
-"""Read-only arrays for frozen values."""
+"""Names of the commonest arrays, and read-only ones for frozen values."""
 
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, DTypeLike, NDArray
+
+Array = NDArray[np.float64]
+Floats = NDArray[np.float32]
+Rows = NDArray[np.intp]
 
 
 def frozen(values: ArrayLike, dtype: DTypeLike, shape: tuple[int | None, ...]) -> NDArray[Any]:

@@ -3,9 +3,9 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-Array = NDArray[np.float64]
+from vnav.core.arrays import Array
 
 
 @dataclass(frozen=True)
@@ -77,3 +77,15 @@ class Camera:
     def is_registered(self) -> bool:
         """Whether depth pixels already lie on colour pixels."""
         return self.depth is None
+
+
+@dataclass(frozen=True)
+class PhotoCamera:
+    """The intrinsics to start from, where they come from, and how well the focal length is known.
+
+    ``focal_sigma``: its relative standard deviation; 0 exact, inf not known at all.
+    """
+
+    intrinsics: Intrinsics
+    source: str
+    focal_sigma: float

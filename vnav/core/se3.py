@@ -5,9 +5,9 @@ right: ``T @ exp(xi)``. Every function takes one transform or a stack of them in
 """
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-Array = NDArray[np.float64]
+from vnav.core.arrays import Array
 
 
 def make(R: ArrayLike, t: ArrayLike) -> Array:

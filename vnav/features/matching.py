@@ -24,7 +24,7 @@ class DescriptorMatcher:
         self, a: Features, b: Features, predicted_px: NDArray[np.float64], radius_px: float
     ) -> NDArray[np.int32]:
         """Rows (M, 2) that pass the ratio test close to their predicted places (A, 2) in b."""
-        from vnav.features.guided import match_near  # numba: only where it is used
+        from vnav.features.guided_matching import match_near  # numba: only where it is used
 
         limit = self._config.max_distance * ROOT_SCALE
         return match_near(a, b, predicted_px, radius_px, self._config.ratio, limit)

@@ -6,11 +6,10 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from vnav.core.arrays import Rows
 from vnav.core.map_index import MapIndex, rows_of
 from vnav.core.tree import VocabularyTree
 from vnav.localisation.words import Database
-
-Rows = NDArray[np.intp]
 
 APART_M = 0.10  # landmarks nearer than this may be one and the same thing, mapped twice
 

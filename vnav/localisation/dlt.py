@@ -4,9 +4,8 @@ Source: Hartley, Zisserman, "Multiple View Geometry", 2nd ed., 4.4.4 and 7.1; cl
 """
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from vnav.core.arrays import Array
 
 
 def dlt(image: Array, points_world: Array) -> Array:

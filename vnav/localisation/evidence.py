@@ -22,10 +22,10 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from vnav.core.arrays import Array
 from vnav.localisation.guided import Hits, Prediction
 from vnav.localisation.photo import Photo
 
-Array = NDArray[np.float64]
 Beta = tuple[float, float]
 
 COLUMNS, ROWS = 8, 6

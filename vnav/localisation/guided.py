@@ -6,6 +6,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from vnav.core.arrays import Array, Rows
 from vnav.core.map_index import MapIndex
 from vnav.localisation.atlas import Atlas
 from vnav.localisation.hidden import hidden
@@ -13,9 +14,6 @@ from vnav.localisation.matches import Matches
 from vnav.localisation.photo import Photo
 from vnav.localisation.view import MIN_DEPTH_M, View
 from vnav.localisation.words import squared_distance
-
-Array = NDArray[np.float64]
-Rows = NDArray[np.intp]
 
 KEYFRAMES = 64  # that share the most of the view: what they saw is predicted
 MAX_ROWS = 10_000  # of descriptors that are looked at

@@ -4,10 +4,9 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from vnav.core.arrays import Array
 from vnav.core.voxels import Voxels
 from vnav.localisation.view import View
-
-Array = NDArray[np.float64]
 
 FROM_M = 0.15  # the camera itself may touch what it stands on
 BEFORE_M, BEFORE = 0.20, 0.05  # so near to the landmark, and this share of the way, is the landmark

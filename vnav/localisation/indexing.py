@@ -9,13 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vnav.config import IndexConfig
+from vnav.core.arrays import Array
 from vnav.core.camera import Intrinsics
 from vnav.core.map_index import MapIndex, spans_of
 from vnav.core.mapping import Keyframe, Landmarks
 from vnav.core.tree import VocabularyTree
 from vnav.core.voxels import Voxels
-
-Array = NDArray[np.float64]
 
 SAMPLE = 500  # descriptors that the map's own statistics are taken from
 QUARTILE = 0.75

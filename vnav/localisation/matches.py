@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-Rows = NDArray[np.intp]
+from vnav.core.arrays import Rows
 
 
 @dataclass(frozen=True)

@@ -4,14 +4,12 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from vnav.core.arrays import Array
 from vnav.core.camera import Intrinsics
 from vnav.localisation.dlt import dlt, focal_of, poses_of
 from vnav.localisation.p3p import p3p
 from vnav.localisation.refine import Lens
-
-Array = NDArray[np.float64]
 
 VAGUE = 0.2  # relative standard deviation of a focal length that tells next to nothing
 LADDER = np.geomspace(0.5, 2.0, 7)  # focal lengths tried then, as factors of the guess

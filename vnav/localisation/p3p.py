@@ -6,9 +6,9 @@ Source: Persson, Nordberg, "Lambda Twist: an accurate fast robust perspective th
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from vnav.core.arrays import Array
+
 Pair = tuple[float, float]
 Three = tuple[float, float, float]  # of the pairs of points 12, 13, 23, or of the points
 Six = tuple[float, float, float, float, float, float]  # a symmetric matrix: 00 01 02 11 12 22

@@ -8,14 +8,13 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from vnav.core.arrays import Rows
 from vnav.core.camera import Intrinsics
 from vnav.core.frame import Features
 from vnav.core.map_index import spans_of
 from vnav.core.tree import VocabularyTree
 from vnav.localisation.refine import Lens
 from vnav.localisation.words import Database
-
-Rows = NDArray[np.intp]
 
 SAME_KEYPOINT_PX = 2.0  # a keypoint's second orientation lies nearer than this
 

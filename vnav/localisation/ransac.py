@@ -11,12 +11,11 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from vnav.core.arrays import Array
 from vnav.core.camera import Intrinsics
 from vnav.localisation.minimal import SIX, THREE, VAGUE, Minimal
 from vnav.localisation.refine import Lens, Sightings, refine
 from vnav.localisation.view import MIN_DEPTH_M, View
-
-Array = NDArray[np.float64]
 
 BATCH = 128  # minimal sets solved at once
 CONFIDENCE = 0.999  # that one set of inliers alone was drawn

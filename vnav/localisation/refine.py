@@ -6,10 +6,9 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from vnav.core.arrays import Array
 from vnav.core.camera import Intrinsics
 from vnav.localisation.view import MIN_DEPTH_M, View
-
-Array = NDArray[np.float64]
 
 MAX_ITERATIONS = 15
 HUBER_SIGMAS = 1.5

@@ -5,16 +5,13 @@ image-based localization", 2017; claim 4, 2.2 to 2.9.
 """
 
 import numpy as np
-from numpy.typing import NDArray
 
+from vnav.core.arrays import Floats, Rows
 from vnav.localisation import places
 from vnav.localisation.atlas import Atlas
 from vnav.localisation.matches import Matches, no_matches
 from vnav.localisation.query import Query
 from vnav.localisation.words import nearest_apart
-
-Rows = NDArray[np.intp]
-Floats = NDArray[np.float32]
 
 ALIKE = 4  # places that a feature may match in
 BATCH = 1000  # features, or descriptors of landmarks, searched at once

@@ -4,12 +4,10 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from vnav.core.arrays import Array
 from vnav.core.map_index import MapIndex
 from vnav.localisation.hypotheses import Hypothesis
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

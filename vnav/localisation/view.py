@@ -7,9 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vnav.core import se3
+from vnav.core.arrays import Array
 from vnav.core.camera import Intrinsics
-
-Array = NDArray[np.float64]
 
 MIN_DEPTH_M = 1e-3
 

@@ -6,10 +6,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from vnav.core.arrays import frozen
-
-Floats = NDArray[np.float32]
-Rows = NDArray[np.intp]
+from vnav.core.arrays import Floats, Rows, frozen
 
 
 @dataclass(frozen=True)

@@ -7,10 +7,9 @@ from numba import njit
 from numpy.typing import NDArray
 
 from vnav.config import PlanConfig
+from vnav.core.arrays import Array
 from vnav.core.grid import OCCUPIED, UNKNOWN, Grid
 from vnav.planning.astar import UNIT
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -4,9 +4,10 @@ import dataclasses
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from vnav.config import PlanConfig
+from vnav.core.arrays import Array
 from vnav.core.frame import Rejected
 from vnav.core.grid import Grid
 from vnav.errors import ConfigError
@@ -14,8 +15,6 @@ from vnav.planning.astar import search
 from vnav.planning.costmap import Costmap, costmap
 from vnav.planning.ends import End, Point, choose_ends
 from vnav.planning.smoothing import smooth
-
-Array = NDArray[np.float64]
 
 RANGES = {
     "robot_radius_m": (0.0, 100.0),

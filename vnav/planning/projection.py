@@ -4,10 +4,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vnav.config import FuseConfig
+from vnav.core.arrays import Array
 from vnav.core.grid import FREE, OCCUPIED, UNKNOWN, Grid
 from vnav.errors import MapError
 
-Array = NDArray[np.float64]
 _ROUNDING_M = 1e-6  # heights that differ by less are the same
 
 

@@ -4,9 +4,9 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from vnav.core.arrays import Array
 from vnav.planning.astar import UNIT
 
-Array = NDArray[np.float64]
 Costs = NDArray[np.int32]
 
 _LONGEST = 200  # cells of a route that one straight segment may replace

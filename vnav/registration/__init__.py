@@ -8,12 +8,12 @@ from numpy.typing import NDArray
 
 from vnav.config import RegistrationConfig
 from vnav.core import se3
+from vnav.core.arrays import Array
 from vnav.core.camera import Intrinsics
 from vnav.core.frame import Features, PoseEstimate, Rejected
 from vnav.core.mapping import Keyframe
 from vnav.registration.pairs import Pairs
 
-Array = NDArray[np.float64]
 SAMPLE = 3  # matched points that fix a rigid transformation
 CONFIDENCE = 0.999
 INLIER_SIGMAS_SQUARED = 14.2  # chi-squared, 3 degrees of freedom: 99.7 % of the right matches

@@ -8,9 +8,9 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from vnav.core.arrays import Array
 from vnav.registration.refinement import NEAREST_M
 
-Array = NDArray[np.float64]
 LEAST_TRIALS = 16  # however many agree with the first: three noisy points make a rough motion
 
 

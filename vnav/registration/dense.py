@@ -8,16 +8,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from vnav.config import RegistrationConfig
 from vnav.core import se3
+from vnav.core.arrays import Array
 from vnav.core.camera import Intrinsics
 from vnav.core.frame import Frame, Rejected
 from vnav.registration.pixels import Compared, Images
 from vnav.registration.refinement import CONVERGED
-
-Array = NDArray[np.float64]
 
 MOTION_SIGMAS = np.repeat([np.deg2rad(3.0), 0.05], 3)  # rad, m: of a predicted motion
 LARGEST_SIGMAS = 3.0  # of it, that the motion found may be off the prediction

@@ -5,12 +5,11 @@ from numpy.typing import NDArray
 
 from vnav.config import RegistrationConfig
 from vnav.core import se3
+from vnav.core.arrays import Array
 from vnav.core.camera import Intrinsics
 from vnav.core.mapping import Keyframe
 from vnav.registration.consensus import best_motion
 from vnav.registration.refinement import gauss_newton
-
-Array = NDArray[np.float64]
 
 
 class Pairs:

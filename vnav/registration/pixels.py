@@ -12,12 +12,12 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from vnav.core.arrays import Array
 from vnav.core.camera import Intrinsics
 from vnav.core.frame import Frame
 from vnav.core.robust import robust_sigma
 from vnav.registration.refinement import CAUCHY_SIGMAS, NEAREST_M, inverse, jacobian, transform
 
-Array = NDArray[np.float64]
 Image = NDArray[np.float32]
 
 STRIDE_PX, FINE_STRIDE_PX = 6, 2  # between the points; of brightness in the two sharpest images

@@ -4,7 +4,8 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from vnav.core.arrays import Array
+
 NEAREST_M = 0.05  # nothing is seen nearer than this
 CAUCHY_SIGMAS = 2.0
 ITERATIONS = 12

@@ -10,20 +10,19 @@ from numpy.typing import NDArray
 from vnav.config import Config, FuseConfig
 from vnav.core import se3
 from vnav.core.camera import Intrinsics
-from vnav.core.cloud import Mesh, PointCloud
 from vnav.core.frame import Frame
 from vnav.core.grid import FREE, OCCUPIED, UNKNOWN, Grid
 from vnav.core.mapping import World
+from vnav.core.point_cloud import Mesh, PointCloud
 from vnav.core.progress import Progress, silent
 from vnav.core.report import Report
 from vnav.errors import MapError
-from vnav.io.artifacts import load_keyframe, load_odometry, load_optimised, map_camera
-from vnav.io.grid_files import write_grid
-from vnav.io.map_folder import MapFolder
-from vnav.io.ply import write_cloud, write_mesh
+from vnav.io.formats.grid_files import write_grid
+from vnav.io.formats.ply import write_cloud, write_mesh
+from vnav.io.store.artifacts import load_keyframe, load_odometry, load_optimised, map_camera
+from vnav.io.store.map_folder import MapFolder
+from vnav.io.store.stage_reports import clock, finished, reused, settings_of
 from vnav.planning.projection import project
-from vnav.stages import pictures
-from vnav.stages.common import clock, finished, reused, settings_of
 from vnav.volumes.cloud import VoxelCloud, filter_depth, first_in_voxel
 from vnav.volumes.octree import Leaves, Octree
 
@@ -33,15 +32,14 @@ STAGE = "fuse"
 def run(folder: MapFolder, config: Config, *, progress: Progress = silent) -> Report:
     """Fuse the keyframes that have a pose; MapError where their depth holds nothing to fuse.
 
-    Writes fuse/cloud.ply, occupancy.ot and .bt, mesh.ply, grid.pgm and .yaml, and the pictures in
-    reports/.
+    Writes fuse/cloud.ply, occupancy.ot and .bt, mesh.ply, grid.pgm and .yaml.
     """
     started = clock()
     settings, inputs = settings_of(config, STAGE), folder.inputs_of("odometry", "optimise")
     if folder.is_current(STAGE, settings, inputs):
         return reused(folder, STAGE)
     world = load_optimised(folder).world
-    views = Views(folder)
+    views = PosedFrames(folder)
 
     fused = fuse(views, config.fuse, progress)
     leaves, grid = _projected(fused.octree, config.fuse)
@@ -53,12 +51,11 @@ def run(folder: MapFolder, config: Config, *, progress: Progress = silent) -> Re
         write_mesh(draft / "mesh.ply", fused.mesh)
         write_grid(draft, grid)
 
-    pictures.draw(folder)
     return finished(folder, _report(fused, leaves, grid, world, len(views)), started)
 
 
 @dataclass(frozen=True)
-class View:
+class PosedFrame:
     """A keyframe, its camera, and where that stood."""
 
     frame: Frame
@@ -66,7 +63,7 @@ class View:
     T_world_camera: NDArray[np.float64]
 
 
-class Views:
+class PosedFrames:
     """The keyframes of a map that have a pose, read one at a time."""
 
     def __init__(self, folder: MapFolder) -> None:
@@ -78,10 +75,10 @@ class Views:
     def __len__(self) -> int:
         return len(self._rows)
 
-    def __iter__(self) -> Iterator[View]:
+    def __iter__(self) -> Iterator[PosedFrame]:
         for row in self._rows:
             frame = load_keyframe(self._folder, row, self._frames)
-            yield View(frame, map_camera(self._folder, frame.capture), self._poses[row])
+            yield PosedFrame(frame, map_camera(self._folder, frame.capture), self._poses[row])
 
 
 @dataclass(frozen=True)
@@ -93,7 +90,7 @@ class Fused:
     mesh: Mesh
 
 
-def fuse(views: Views, config: FuseConfig, progress: Progress = silent) -> Fused:
+def fuse(views: PosedFrames, config: FuseConfig, progress: Progress = silent) -> Fused:
     """Put every view into a cloud, an octree and a signed distance volume; one view in memory."""
     from vnav.volumes.tsdf import TsdfVolume
 

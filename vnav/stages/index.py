@@ -9,16 +9,16 @@ from vnav.core.mapping import Odometry, OptimisedMap
 from vnav.core.progress import Progress, silent
 from vnav.core.report import Report
 from vnav.core.voxels import Voxels
-from vnav.io.artifacts import load_odometry, load_optimised, map_camera
-from vnav.io.index_file import write_index
-from vnav.io.map_folder import MapFolder
-from vnav.io.tree_file import load_tree
+from vnav.io.store.artifacts import load_odometry, load_optimised, map_camera
+from vnav.io.store.index_file import write_index
+from vnav.io.store.map_folder import MapFolder
+from vnav.io.store.stage_reports import clock, finished, reused, settings_of
+from vnav.io.store.tree_file import load_tree
 from vnav.localisation.atlas import Atlas
 from vnav.localisation.indexing import MappedKeyframe, build
 from vnav.localisation.localise import Located, localise
 from vnav.localisation.photo import prepare
 from vnav.localisation.query import Query
-from vnav.stages.common import clock, finished, reused, settings_of
 from vnav.volumes.octree import Octree
 
 STAGE = "index"

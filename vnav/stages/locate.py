@@ -12,23 +12,23 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from vnav.checking.quality import BLURRED, DARK, blur
 from vnav.config import Config, FeaturesConfig
-from vnav.core.camera import Intrinsics
+from vnav.core.camera import Intrinsics, PhotoCamera
 from vnav.core.progress import Progress, silent
 from vnav.errors import PhotoError
 from vnav.features import front_end
-from vnav.io.artifacts import map_camera
-from vnav.io.index_file import load_index
-from vnav.io.map_folder import MapFolder
-from vnav.io.photos import PhotoCamera, photo_camera, read_photo
-from vnav.io.tree_file import load_tree
+from vnav.io.photos.photos import photo_camera, read_photo
+from vnav.io.store.artifacts import map_camera
+from vnav.io.store.index_file import load_index
+from vnav.io.store.map_folder import MapFolder
+from vnav.io.store.tree_file import load_tree
+from vnav.localisation.answer import PhotoAnswer, UnreadablePhoto
 from vnav.localisation.atlas import Atlas
 from vnav.localisation.localise import Located, NotLocated, localise, own_focal
 from vnav.localisation.photo import prepare
 from vnav.localisation.query import Query
 from vnav.localisation.words import load_compiled
-from vnav.stages.answer import Answer, Unreadable
-from vnav.stages.capture_quality import BLURRED, DARK, blur
 
 DOUBTFUL = 0.03  # relative error of an assumed focal length that is told, if it is significant
 SIGNIFICANT = 3.0  # standard deviations
@@ -49,7 +49,7 @@ class Locator:
         wanted = dataclasses.replace(recorded, max_features=config.locate.max_features)
         self._front_end = front_end(wanted)
 
-    def locate(self, path: Path) -> Answer:
+    def locate(self, path: Path) -> PhotoAnswer:
         """Where a photo was taken; PhotoError or CameraError where it cannot be asked."""
         clock = [time.monotonic()]
         image = read_photo(path)
@@ -76,15 +76,15 @@ class Locator:
 
 def locate(
     locator: Locator, photos: Iterable[Path], *, progress: Progress = silent
-) -> Iterator[Answer | Unreadable]:
+) -> Iterator[PhotoAnswer | UnreadablePhoto]:
     """Answers in the order of the photos, as they are found, all cores at work."""
     paths = list(photos)
 
-    def answer(path: Path) -> Answer | Unreadable:
+    def answer(path: Path) -> PhotoAnswer | UnreadablePhoto:
         try:
             return locator.locate(path)
         except PhotoError as error:
-            return Unreadable(path, str(error))
+            return UnreadablePhoto(path, str(error))
 
     with ThreadPoolExecutor(os.cpu_count()) as pool:
         for done, found in enumerate(pool.map(answer, paths), 1):
@@ -92,9 +92,9 @@ def locate(
             yield found
 
 
-def remember(folder: MapFolder, answer: Answer | Unreadable) -> str | None:
+def remember(folder: MapFolder, answer: PhotoAnswer | UnreadablePhoto) -> str | None:
     """Make a located photo the map's current pose; why not, where the map cannot be written."""
-    if isinstance(answer, Unreadable) or answer.best is None:
+    if isinstance(answer, UnreadablePhoto) or answer.best is None:
         return None
     try:
         folder.write_current(answer.as_dict())
@@ -128,12 +128,12 @@ def _answer(
     query: Query,
     result: Located | NotLocated,
     seconds: dict[str, float],
-) -> Answer:
+) -> PhotoAnswer:
     if isinstance(result, NotLocated):
         reason = result.reason + _flaw(image)
-        return Answer(path, query.photo, camera, result, reason, (), seconds)
+        return PhotoAnswer(path, query.photo, camera, result, reason, (), seconds)
     warnings = _doubts(path, result, query) if camera.source == "assumed" else ()
-    return Answer(path, query.photo, camera, result, "", warnings, seconds)
+    return PhotoAnswer(path, query.photo, camera, result, "", warnings, seconds)
 
 
 def _flaw(image: NDArray[np.uint8]) -> str:

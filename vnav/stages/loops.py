@@ -9,9 +9,9 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from vnav import posegraph
 from vnav.config import Config, LoopsConfig
 from vnav.core import se3
+from vnav.core.arrays import Array
 from vnav.core.camera import Intrinsics
 from vnav.core.frame import Edge, PoseEstimate, Rejected
 from vnav.core.mapping import LoopVerdict, Odometry
@@ -20,16 +20,16 @@ from vnav.core.report import Report
 from vnav.core.tree import VocabularyTree
 from vnav.features.appearance import tfidf_similarity
 from vnav.features.matching import DescriptorMatcher
-from vnav.io.artifacts import load_odometry, map_camera, save_loops
-from vnav.io.map_folder import MapFolder
-from vnav.io.tree_file import load_tree
-from vnav.posegraph import softened
+from vnav.io.store.artifacts import load_odometry, map_camera, save_loops
+from vnav.io.store.map_folder import MapFolder
+from vnav.io.store.stage_reports import clock, finished, reused, settings_of
+from vnav.io.store.tree_file import load_tree
+from vnav.optimisation import pose_graph
+from vnav.optimisation.pose_graph import softened
 from vnav.registration import Sensor, register
-from vnav.stages.common import clock, finished, reused, settings_of
 
 NEIGHBOURS = 3  # keyframes apart: what odometry demands of a match will do, for it joined them
 
-Array = NDArray[np.float64]
 Candidate = tuple[int, int, str, float]
 
 
@@ -94,10 +94,10 @@ def _posed(
     """Poses (N, 4, 4) and parts (N,) as the closures so far give them, or as they were given."""
     if odometry.given:
         return odometry.T_segment_camera, odometry.segment
-    initial, part = posegraph.join(
+    initial, part = pose_graph.join(
         odometry.T_segment_camera, odometry.segment, odometry.frames.capture, closures
     )
-    graph = posegraph.optimise(
+    graph = pose_graph.optimise(
         initial, odometry.edges, closures, config.optimise.max_closure_sigmas
     )
     return graph.T_world_camera, part

@@ -21,15 +21,15 @@ from vnav.errors import CaptureError
 from vnav.features import front_end
 from vnav.features.lifting import lift
 from vnav.features.matching import DescriptorMatcher
-from vnav.io.artifacts import save_keyframe, save_odometry
-from vnav.io.capture import Capture
-from vnav.io.map_folder import MapFolder
-from vnav.io.rectify import rectified
-from vnav.io.trajectories import fingerprint
+from vnav.io.formats.trajectories import fingerprint
+from vnav.io.sources.capture import Capture
+from vnav.io.sources.rectify import rectified
+from vnav.io.store.artifacts import save_keyframe, save_odometry
+from vnav.io.store.map_folder import MapFolder
+from vnav.io.store.stage_reports import clock, finished, reused, settings_of
 from vnav.registration import Sensor
-from vnav.stages.common import clock, finished, reused, settings_of
-from vnav.stages.given import Follower, poses_at
-from vnav.stages.tracking import Tracker
+from vnav.tracking.given_poses import GivenPoses, poses_at
+from vnav.tracking.visual_odometry import VisualOdometry
 
 
 def run(
@@ -71,9 +71,9 @@ def track(
     TrajectoryError where hardly any frame has a pose of those ``given``.
     """
     frames = _frame_table(capture)
-    tracker: Tracker | Follower = Tracker(config)
+    tracker: VisualOdometry | GivenPoses = VisualOdometry(config)
     if given is not None:
-        tracker = Follower(poses_at(frames.stamp_s, given, config.capture.association_s), config)
+        tracker = GivenPoses(poses_at(frames.stamp_s, given, config.capture.association_s), config)
     with ThreadPoolExecutor(os.cpu_count()) as pool:
         written = []
         for row, seen in _described_frames(capture, config, pool):

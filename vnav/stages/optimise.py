@@ -5,18 +5,17 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
-from vnav import posegraph
-from vnav.bundle import Prior
 from vnav.config import Config
 from vnav.core import se3
+from vnav.core.arrays import Array
 from vnav.core.camera import Intrinsics
 from vnav.core.mapping import LoopVerdict, Odometry, OptimisedMap
 from vnav.core.progress import Progress, silent
 from vnav.core.report import Report
 from vnav.core.trajectory import Trajectory
-from vnav.io.artifacts import (
+from vnav.io.formats.trajectories import write_tum
+from vnav.io.store.artifacts import (
     load_keyframe_depth,
     load_loop_edges,
     load_loops,
@@ -25,13 +24,12 @@ from vnav.io.artifacts import (
     save_optimised,
     save_verdicts,
 )
-from vnav.io.map_folder import MapFolder
-from vnav.io.trajectories import write_tum
-from vnav.stages.common import clock, finished, reused, settings_of
-from vnav.stages.solution import Solved, solve
-from vnav.stages.world import find_world, in_given, kept_world, seen_surface
-
-Array = NDArray[np.float64]
+from vnav.io.store.map_folder import MapFolder
+from vnav.io.store.stage_reports import clock, finished, reused, settings_of
+from vnav.optimisation import pose_graph
+from vnav.optimisation.bundle import Prior
+from vnav.optimisation.solution import Solved, solve
+from vnav.optimisation.world import find_world, in_given, kept_world, seen_surface
 
 
 def run(folder: MapFolder, config: Config, *, progress: Progress = silent) -> Report:
@@ -55,11 +53,11 @@ def run(folder: MapFolder, config: Config, *, progress: Progress = silent) -> Re
             poses[rows] = solved.graph.T_world_camera[rows]
             _write_trajectories(draft / name, odometry, poses)
         edges = [*odometry.edges, *solved.closures]
-        posegraph.write_g2o(str(draft / "graph.g2o"), result.T_world_camera, edges)
+        pose_graph.write_g2o(str(draft / "graph.g2o"), result.T_world_camera, edges)
     return finished(folder, _report(solved, result, odometry), started)
 
 
-def judged(verdicts: Sequence[LoopVerdict], graph: posegraph.PoseGraph) -> list[LoopVerdict]:
+def judged(verdicts: Sequence[LoopVerdict], graph: pose_graph.PoseGraph) -> list[LoopVerdict]:
     """The verdicts, with the closures that the pose graph did not bear out turned down."""
     kept = iter(graph.kept)
     return [

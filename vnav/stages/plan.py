@@ -15,9 +15,9 @@ from vnav.core.frame import Rejected
 from vnav.core.grid import Grid
 from vnav.core.mapping import OptimisedMap
 from vnav.errors import MapError, VnavError
-from vnav.io.artifacts import load_optimised
-from vnav.io.grid_files import read_grid
-from vnav.io.map_folder import MapFolder, write_text
+from vnav.io.formats.grid_files import read_grid
+from vnav.io.store.artifacts import load_optimised
+from vnav.io.store.map_folder import MapFolder, write_text
 from vnav.planning.ends import End, Point
 from vnav.planning.planner import Plan, heading_rad, plan_path
 
@@ -29,7 +29,7 @@ Locate = Callable[[Path], NDArray[np.float64] | Rejected]  # a photo's T_world_c
 
 
 @dataclass(frozen=True)
-class Place:
+class PlanEnd:
     """A point on the floor and, where a photo was taken there, its heading."""
 
     point: Point
@@ -37,11 +37,11 @@ class Place:
 
 
 @dataclass(frozen=True)
-class Answer:
+class PlanAnswer:
     """A path, or why there is none; ``places`` are start and goal as far as they are known."""
 
     plan: Plan | Rejected
-    places: tuple[Place | Rejected, Place | Rejected]
+    places: tuple[PlanEnd | Rejected, PlanEnd | Rejected]
     grid: Grid
     uncertainty_m: float
     seconds: dict[str, float]
@@ -65,7 +65,9 @@ class Answer:
         }
 
 
-def plan(folder: MapFolder, start: str, goal: str, config: PlanConfig, locate: Locate) -> Answer:
+def plan(
+    folder: MapFolder, start: str, goal: str, config: PlanConfig, locate: Locate
+) -> PlanAnswer:
     """A path between two places, each ``current``, ``X,Y`` in metres or the file of a photo.
 
     ``current`` is the pose of this map's last located photo, which is left as it is. The last yaw
@@ -82,7 +84,7 @@ def plan(folder: MapFolder, start: str, goal: str, config: PlanConfig, locate: L
     clock.append(time.monotonic())
     spent = np.round(np.diff(clock), 3).tolist()
     seconds = dict(zip(("load", "locate", "plan"), spent, strict=True))
-    return Answer(found, places, grid, uncertainty_m, seconds)
+    return PlanAnswer(found, places, grid, uncertainty_m, seconds)
 
 
 def photo_locator(
@@ -123,7 +125,7 @@ def map_uncertainty_m(optimised: OptimisedMap) -> float:
     return float(np.sqrt(sum(variances)))
 
 
-def summary(answer: Answer, start: str, goal: str) -> list[str]:
+def summary(answer: PlanAnswer, start: str, goal: str) -> list[str]:
     """Lines for a person."""
     if isinstance(answer.plan, Rejected):
         return [f"no path: {answer.plan.reason}"]
@@ -148,12 +150,12 @@ def write_csv(path: Path, plan: Plan) -> None:
         ) from error
 
 
-def _place(folder: MapFolder, text: str, locate: Locate) -> Place | Rejected:
+def _place(folder: MapFolder, text: str, locate: Locate) -> PlanEnd | Rejected:
     if text == CURRENT:
         return _seen_from(_current(folder))
     point = _point(text)
     if point is not None:
-        return Place(point)
+        return PlanEnd(point)
     T_world_camera = locate(Path(text))
     if isinstance(T_world_camera, Rejected):
         return Rejected(f"the photo {text} was not located: {T_world_camera.reason}")
@@ -180,13 +182,13 @@ def _current(folder: MapFolder) -> NDArray[np.float64]:
     return np.array(pose["T_world_camera"], float)
 
 
-def _seen_from(T_world_camera: NDArray[np.float64]) -> Place:
+def _seen_from(T_world_camera: NDArray[np.float64]) -> PlanEnd:
     x, y = T_world_camera[:2, 3].tolist()
-    return Place((x, y), heading_rad(T_world_camera))
+    return PlanEnd((x, y), heading_rad(T_world_camera))
 
 
 def _between(
-    places: tuple[Place | Rejected, Place | Rejected],
+    places: tuple[PlanEnd | Rejected, PlanEnd | Rejected],
     grid: Grid,
     uncertainty_m: float,
     config: PlanConfig,
@@ -206,9 +208,9 @@ def _between(
     )
 
 
-def _plain(place: Place | Rejected, end: End | None) -> dict[str, Any]:
+def _plain(place: PlanEnd | Rejected, end: End | None) -> dict[str, Any]:
     return {
-        "asked": list(place.point) if isinstance(place, Place) else None,
+        "asked": list(place.point) if isinstance(place, PlanEnd) else None,
         "snapped": list(end.snapped) if end else None,
         "moved_m": end.moved_m if end else None,
     }

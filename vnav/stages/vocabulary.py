@@ -6,10 +6,10 @@ from vnav import vocabulary
 from vnav.config import Config
 from vnav.core.progress import Progress, silent
 from vnav.core.report import Report
-from vnav.io.artifacts import load_odometry
-from vnav.io.map_folder import MapFolder
-from vnav.io.tree_file import write_tree
-from vnav.stages.common import clock, finished, reused, settings_of
+from vnav.io.store.artifacts import load_odometry
+from vnav.io.store.map_folder import MapFolder
+from vnav.io.store.stage_reports import clock, finished, reused, settings_of
+from vnav.io.store.tree_file import write_tree
 
 STAGE = "vocabulary"
 

@@ -4,30 +4,31 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
-from vnav import metrics
 from vnav.config import Config
 from vnav.core import se3
+from vnav.core.arrays import Array
 from vnav.core.frame import Rejected
 from vnav.core.grid import OCCUPIED, Grid
 from vnav.core.progress import Progress, silent
 from vnav.core.report import Report
-from vnav.io.capture import open_capture
-from vnav.io.grid_files import read_grid
-from vnav.io.map_folder import MapFolder
-from vnav.io.trajectories import read_photo_poses, read_tum
+from vnav.evaluation import metrics
+from vnav.evaluation.score import Score, score
+from vnav.io.formats.grid_files import read_grid
+from vnav.io.formats.trajectories import read_photo_poses, read_tum
+from vnav.io.sources.capture import open_capture
+from vnav.io.store.map_folder import MapFolder
+from vnav.localisation.answer import PhotoAnswer
+from vnav.pipeline.build import build_map
 from vnav.planning.planner import Plan
-from vnav.stages import overlay, plan, plan_picture, report
-from vnav.stages.answer import Answer
-from vnav.stages.build_map import build_map
+from vnav.reporting import map_page as report
+from vnav.reporting import overlay, plan_picture
+from vnav.stages import plan
 from vnav.stages.locate import Locator, locate, remember
-from vnav.stages.score import Score, score
-from vnav.synthetic.capture import DEMO, CaptureSpec, cached_capture
+from vnav.synthetic.rendered_capture import DEMO, CaptureSpec, cached_capture
 
 TRUTH = "photos/groundtruth.txt"
 STEP_M = 0.01  # along a path, where its clearance is measured
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -37,9 +38,9 @@ class Demo:
     capture: Path
     folder: MapFolder
     reports: list[Report]
-    photos: list[Answer]
-    ends: tuple[Answer, Answer]
-    path: plan.Answer
+    photos: list[PhotoAnswer]
+    ends: tuple[PhotoAnswer, PhotoAnswer]
+    path: plan.PlanAnswer
 
     @property
     def succeeded(self) -> bool:
@@ -67,7 +68,7 @@ def run(
 
     locator = Locator(folder, config)
     files = sorted((capture / "photos").glob("*.jpg"))
-    photos = [a for a in locate(locator, files, progress=progress) if isinstance(a, Answer)]
+    photos = [a for a in locate(locator, files, progress=progress) if isinstance(a, PhotoAnswer)]
     ends = _farthest_apart(photos, read_photo_poses(capture / TRUTH))
     remember(folder, ends[0])
     overlay.draw(ends[0], locator.atlas, out / "photo.jpg")
@@ -141,11 +142,13 @@ def _about_path(demo: Demo, T_truth_world: Array) -> str:
     )
 
 
-def _pose(answer: Answer) -> Array | Rejected:
+def _pose(answer: PhotoAnswer) -> Array | Rejected:
     return answer.best.view.T_world_camera if answer.best else Rejected(answer.reason)
 
 
-def _farthest_apart(photos: list[Answer], true_poses: dict[str, Array]) -> tuple[Answer, Answer]:
+def _farthest_apart(
+    photos: list[PhotoAnswer], true_poses: dict[str, Array]
+) -> tuple[PhotoAnswer, PhotoAnswer]:
     positions = np.array([true_poses[answer.path.name][:3, 3] for answer in photos])
     apart = np.linalg.norm(positions[:, None] - positions, axis=-1)
     i, j = np.unravel_index(int(apart.argmax()), apart.shape)

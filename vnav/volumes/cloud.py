@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vnav.config import FuseConfig
-from vnav.core.cloud import PointCloud
+from vnav.core.point_cloud import PointCloud
 
 LIKE_NEIGHBOURS = 3  # of 8: fewer make a pixel an isolated one; a line two pixels wide stays
 KEY_BITS = 21  # a voxel's key holds three coordinates of 21 bits: 10 km either way at 1 cm

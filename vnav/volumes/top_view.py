@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from vnav.core.cloud import PointCloud
+from vnav.core.point_cloud import PointCloud
 
 SHADE_PER_M = 3.5  # how much darker a pixel is, by the mean rise to its neighbours
 FILLED_BY = 4  # an empty pixel with so many full neighbours takes their mean

@@ -11,7 +11,7 @@ from open3d.t.geometry import Image, VoxelBlockGrid
 
 from vnav.core import se3
 from vnav.core.camera import Intrinsics
-from vnav.core.cloud import Mesh
+from vnav.core.point_cloud import Mesh
 from vnav.errors import VnavError
 
 BLOCK_VOXELS = 8  # edge of a block; 16, open3d's default, stores twice as much empty space

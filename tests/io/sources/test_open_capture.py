@@ -1,0 +1,245 @@
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from vnav.config import CaptureConfig
+from vnav.core import se3
+from vnav.errors import CameraError, CaptureError
+from vnav.io.sources.capture import open_capture, read_truth, truth_of
+
+CONFIG = CaptureConfig()
+CAMERA = """
+[color]
+width = 8
+height = 6
+fx = 7.0
+fy = 7.0
+cx = 3.5
+cy = 2.5
+[depth]
+units_per_metre = 1000
+"""
+APART = """
+fx = 8.0
+fy = 8.0
+cx = 3.5
+cy = 2.5
+T_color_depth = [[0, -1, 0, -0.03], [1, 0, 0, 0], [0, 0, 1, 0.01], [0, 0, 0, 1]]
+"""
+
+
+def write_color(path: Path) -> str:
+    path.parent.mkdir(exist_ok=True)
+    cv2.imwrite(str(path), np.full((6, 8, 3), 99, np.uint8))
+    return f"{path.parent.name}/{path.name}"
+
+
+def write_depth(path: Path) -> str:
+    path.parent.mkdir(exist_ok=True)
+    cv2.imwrite(str(path), np.full((6, 8), 1500, np.uint16))
+    return f"{path.parent.name}/{path.name}"
+
+
+def write_tum(root: Path, color_s: list[str], depth_s: list[str]) -> Path:
+    colors = [f"{s} {write_color(root / 'rgb' / f'{s}.png')}" for s in color_s]
+    depths = [f"{s} {write_depth(root / 'depth' / f'{s}.png')}" for s in depth_s]
+    (root / "rgb.txt").write_text("\n".join(["# timestamp filename", *colors]))
+    (root / "depth.txt").write_text("\n".join(["# timestamp filename", *depths]))
+    (root / "camera.toml").write_text(CAMERA)
+    return root
+
+
+def write_folders(root: Path, colors: list[str], depths: list[str]) -> Path:
+    for name in colors:
+        write_color(root / "color" / name)
+    for name in depths:
+        write_depth(root / "depth" / name)
+    (root / "camera.toml").write_text(CAMERA)
+    return root
+
+
+def write_seven_scenes(root: Path, numbers: list[int], camera: str) -> Path:
+    for number in numbers:
+        write_color(root / f"frame-{number:06d}.color.png")
+        write_depth(root / f"frame-{number:06d}.depth.png")
+    (root / "camera.toml").write_text(camera)
+    return root
+
+
+def write_poses(root: Path, poses: dict[int, np.ndarray]) -> None:
+    for number, T in poses.items():
+        np.savetxt(root / f"frame-{number:06d}.pose.txt", T, fmt="%.7e", delimiter="\t")
+
+
+def test_a_tum_folder_needs_no_association_file(tmp_path: Path) -> None:
+    root = write_tum(tmp_path, ["1.00", "1.03", "1.06"], ["1.01", "1.041", "9.00"])
+    frames = open_capture(root, CONFIG).frames
+    assert frames.stamps_s.tolist() == [1.00, 1.03]
+    np.testing.assert_allclose(frames.offsets_s, [0.01, 0.011])
+    assert [image.stamp_s for image in frames.dropped_color] == [1.06]
+    assert [image.stamp_s for image in frames.dropped_depth] == [9.00]
+
+
+def test_the_largest_time_between_colour_and_depth_is_a_setting(tmp_path: Path) -> None:
+    root = write_tum(tmp_path, ["1.00"], ["1.10"])
+    with pytest.raises(CaptureError, match=r"less than 0.02 s apart .*capture.association_s"):
+        open_capture(root, CONFIG)
+    assert len(open_capture(root, CaptureConfig(association_s=0.2))) == 1
+
+
+@pytest.mark.parametrize("line", ["1.0", "rgb/1.png 1.0", "nan rgb/1.png"])
+def test_a_wrong_line_of_a_tum_list_is_named(tmp_path: Path, line: str) -> None:
+    root = write_tum(tmp_path, ["1.0"], ["1.0"])
+    (root / "rgb.txt").write_text(f"# comment\n{line}\n")
+    with pytest.raises(CaptureError, match="rgb.txt, line 2"):
+        open_capture(root, CONFIG)
+
+
+def test_folders_are_matched_by_the_times_in_their_files_names(tmp_path: Path) -> None:
+    colors = ["1305031102.175.jpg", "1305031102.208.jpg", "1305031102.30.jpg"]
+    root = write_folders(tmp_path, colors, ["1305031102.21.png", "1305031102.18.png"])
+    frames = open_capture(root, CONFIG).frames
+    assert frames.stamps_s.tolist() == [1305031102.175, 1305031102.208]
+    assert [pair.depth.path.name for pair in frames.pairs] == [
+        "1305031102.18.png",
+        "1305031102.21.png",
+    ]
+    assert len(frames.dropped_color) == 1
+
+
+@pytest.mark.parametrize(
+    ("first", "second"),
+    [("1305031102175", "1305031102208"), ("1305031102175.30", "1305031102208.10")],
+)
+def test_times_in_milliseconds_become_seconds(tmp_path: Path, first: str, second: str) -> None:
+    names = [f"{first}.png", f"{second}.png"]
+    stamps_s = open_capture(write_folders(tmp_path, names, names), CONFIG).frames.stamps_s
+    np.testing.assert_allclose(stamps_s, [1305031102.175, 1305031102.208], atol=5e-4)
+
+
+def test_folders_are_matched_by_number_and_a_missing_number_leaves_a_gap(tmp_path: Path) -> None:
+    colors = ["color_0001.jpg", "color_0002.jpg", "color_0004.jpg"]
+    root = write_folders(tmp_path, colors, ["4.png", "1.png", "3.png"])
+    frames = open_capture(root, CaptureConfig(frame_rate_hz=10.0)).frames
+    np.testing.assert_allclose(frames.stamps_s, [0.1, 0.4])
+    assert [pair.depth.path.name for pair in frames.pairs] == ["1.png", "4.png"]
+    assert [image.path.name for image in frames.dropped_color] == ["color_0002.jpg"]
+    assert [image.path.name for image in frames.dropped_depth] == ["3.png"]
+
+
+def test_folders_with_other_names_are_matched_by_order_if_they_hold_as_many(tmp_path: Path) -> None:
+    root = write_folders(tmp_path, ["a.png", "b.png"], ["c.png", "d.png"])
+    frames = open_capture(root, CaptureConfig(frame_rate_hz=10.0)).frames
+    np.testing.assert_allclose(frames.stamps_s, [0.0, 0.1])
+    (root / "depth" / "d.png").unlink()
+    with pytest.raises(CaptureError, match="found 2 and 1"):
+        open_capture(root, CONFIG)
+
+
+def test_two_depth_folders_are_one_too_many(tmp_path: Path) -> None:
+    root = write_folders(tmp_path, ["1.png"], ["1.png"])
+    write_depth(root / "depth_aligned" / "1.png")
+    with pytest.raises(CaptureError, match="found depth/ and depth_aligned/"):
+        open_capture(root, CONFIG)
+
+
+def test_frames_of_7_scenes_are_a_thirtieth_of_a_second_apart(tmp_path: Path) -> None:
+    root = write_seven_scenes(tmp_path, [0, 1, 3], CAMERA)
+    (root / "frame-000001.depth.png").unlink()
+    capture = open_capture(root, CONFIG)
+    np.testing.assert_allclose(capture.frames.stamps_s, [0, 0.1])
+    assert len(capture.frames.dropped_color) == 1
+
+
+def test_poses_of_7_scenes_are_moved_to_the_colour_camera(tmp_path: Path) -> None:
+    root = write_seven_scenes(tmp_path, [0, 1, 2], CAMERA + APART)
+    T_world_depth = se3.exp(np.random.default_rng(0).normal(size=(2, 6)))
+    write_poses(root, {0: T_world_depth[0], 2: T_world_depth[1]})
+    truth = read_truth(root, CONFIG)
+    assert truth_of(root, CONFIG) == root / "frame-000000.pose.txt"
+    np.testing.assert_allclose(truth.stamps_s, [0, 2 / 30])
+    capture = open_capture(root, CONFIG)
+    origin_color = se3.transform(se3.inverse(capture.camera.T_color_depth), [[0.0, 0, 0]])
+    expected = [se3.transform(T, origin_color)[0] for T in T_world_depth]
+    np.testing.assert_allclose(truth.positions, expected, atol=1e-6)  # poses print 8 digits
+
+
+def test_poses_of_7_scenes_where_tracking_was_lost_are_left_out(tmp_path: Path) -> None:
+    root = write_seven_scenes(tmp_path, [0, 1], CAMERA)
+    write_poses(root, {0: np.full((4, 4), np.nan), 1: np.eye(4)})
+    assert read_truth(root, CONFIG).stamps_s.tolist() == [1 / 30]
+
+
+def test_the_truth_of_a_tum_folder_is_its_groundtruth(tmp_path: Path) -> None:
+    root = write_tum(tmp_path, ["1.0"], ["1.0"])
+    assert truth_of(root, CONFIG) is None
+    with pytest.raises(CaptureError, match="expected a true trajectory"):
+        read_truth(root, CONFIG)
+    (root / "groundtruth.txt").write_text("1.0 1 2 3 0 0 0 1\n")
+    assert truth_of(root, CONFIG) == root / "groundtruth.txt"
+    for path in (root, root / "groundtruth.txt"):
+        assert read_truth(path, CONFIG).positions.tolist() == [[1, 2, 3]]
+
+
+def test_what_is_no_capture_is_said_and_what_would_be_one(tmp_path: Path) -> None:
+    for path, found in (
+        (tmp_path / "missing", "found nothing"),
+        (tmp_path, "rgb.txt and depth.txt .*found an empty folder"),
+    ):
+        with pytest.raises(CaptureError, match=found):
+            open_capture(path, CONFIG)
+    (tmp_path / "notes.txt").write_text("")
+    with pytest.raises(CaptureError, match="found notes.txt"):
+        open_capture(tmp_path, CONFIG)
+    with pytest.raises(CaptureError, match="found a file"):
+        open_capture(tmp_path / "notes.txt", CONFIG)
+
+
+def test_colour_without_depth_is_an_error(tmp_path: Path) -> None:
+    tum = write_tum(tmp_path, ["1.0"], ["1.0"])
+    (tum / "depth.txt").unlink()
+    with pytest.raises(CaptureError, match=r"expected the list of images .*depth.txt"):
+        open_capture(tum, CONFIG)
+    (tum / "rgb.txt").unlink()
+    (tum / "depth" / "1.0.png").unlink()
+    with pytest.raises(CaptureError, match=r"expected images \(.png\) in .*depth, found none"):
+        open_capture(tum, CONFIG)
+    (tum / "depth").rmdir()
+    with pytest.raises(CaptureError, match="expected one folder of depth/, depth_aligned/"):
+        open_capture(tum, CONFIG)
+
+
+def test_7_scenes_without_depth_is_an_error(tmp_path: Path) -> None:
+    root = write_seven_scenes(tmp_path, [0], CAMERA)
+    (root / "frame-000000.depth.png").unlink()
+    with pytest.raises(CaptureError, match=r"found none among 1 \*.color.png and 0 \*.depth.png"):
+        open_capture(root, CONFIG)
+
+
+def test_the_camera_is_the_named_file_else_the_captures_own_else_the_named_preset(
+    tmp_path: Path,
+) -> None:
+    root = write_tum(tmp_path, ["1.0"], ["1.0"])
+    named = tmp_path / "named.toml"
+    named.write_text(CAMERA.replace("fx = 7.0", "fx = 9.0"))
+    preset = CaptureConfig(preset_camera="tum_fr3")
+    assert open_capture(root, preset, named).camera.color.fx == 9.0
+    assert open_capture(root, preset).camera.color.fx == 7.0
+    (root / "camera.toml").unlink()
+    assert open_capture(root, preset).camera.color.fx == 535.4
+
+
+def test_a_missing_camera_is_never_guessed_from_the_folders_name(tmp_path: Path) -> None:
+    root = tmp_path / "rgbd_dataset_freiburg1_xyz"
+    root.mkdir()
+    (write_tum(root, ["1.0"], ["1.0"]) / "camera.toml").unlink()
+    with pytest.raises(CameraError, match="no camera.toml .*--camera FILE.*tum_fr1"):
+        open_capture(root, CONFIG)
+
+
+def test_depth_units_can_be_set(tmp_path: Path) -> None:
+    root = write_tum(tmp_path, ["1.0"], ["1.0"])
+    depth_m = open_capture(root, CaptureConfig(units_per_metre=5000.0)).read(0).depth_m
+    np.testing.assert_allclose(depth_m, 0.3, rtol=1e-6)

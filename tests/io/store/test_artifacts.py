@@ -1,0 +1,213 @@
+"""What stages leave in the map is loaded as it was saved, or its damage is told."""
+
+import dataclasses
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from vnav.core import se3
+from vnav.core.frame import Edge, Features, Frame
+from vnav.core.mapping import (
+    LOST,
+    FrameTable,
+    Keyframe,
+    Landmarks,
+    LoopVerdict,
+    Odometry,
+    OptimisedMap,
+    World,
+)
+from vnav.errors import MapError
+from vnav.io.store import artifacts
+from vnav.io.store.map_folder import MapFolder
+
+RNG = np.random.default_rng(0)
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> MapFolder:
+    return MapFolder.create(tmp_path / "map")
+
+
+def saved(folder: MapFolder, stage: str, save: Callable[[Path], None]) -> MapFolder:
+    with folder.writing(stage, {}, {}) as draft:
+        save(draft)
+    return folder
+
+
+def keyframe(row: int, count: int) -> Keyframe:
+    features = Features(
+        RNG.uniform(0, 99, (count, 2)),
+        RNG.integers(0, 256, (count, 128)),
+        RNG.random(count),
+        RNG.random(count),
+        RNG.random(count),
+    )
+    points = RNG.random((count, 3)).astype(np.float32)
+    points[::3] = np.nan
+    return Keyframe(row, features, points)
+
+
+def edges(count: int) -> tuple[Edge, ...]:
+    return tuple(
+        Edge(k, k + 1, se3.exp(RNG.standard_normal(6)), RNG.random((6, 6))) for k in range(count)
+    )
+
+
+def odometry(keyframes: int = 2, edge_count: int = 2) -> Odometry:
+    poses = se3.exp(RNG.standard_normal((4, 6)))
+    poses[2] = np.nan
+    return Odometry(
+        FrameTable(np.array([0, 0, 0, 1]), np.array([0, 1, 2, 0]), np.array([1.0, 1.1, 1.2, 1.0])),
+        poses,
+        np.array([0, 0, LOST, 1], np.int32),
+        ("", "", "expected an image in 'rgb/2.png', found none", ""),
+        edges(edge_count),
+        tuple(keyframe(row, 7 - row) for row in range(keyframes)),
+    )
+
+
+def assert_same(a: object, b: object) -> None:
+    """Equal, array for array and type for type."""
+    if isinstance(a, np.ndarray):
+        np.testing.assert_array_equal(a, b)
+        assert a.dtype == b.dtype  # type: ignore[attr-defined]
+    elif isinstance(a, tuple):
+        for x, y in zip(a, b, strict=True):  # type: ignore[call-overload]
+            assert_same(x, y)
+    elif hasattr(a, "__dataclass_fields__"):
+        assert_same(tuple(vars(a).values()), tuple(vars(b).values()))
+    else:
+        assert a == b
+
+
+def test_odometry_is_loaded_as_it_was_saved(folder: MapFolder) -> None:
+    result = odometry()
+    saved(folder, "odometry", lambda draft: artifacts.save_odometry(draft, result))
+    assert_same(result, artifacts.load_odometry(folder))
+
+
+def test_the_poses_of_a_map_before_it_was_extended_are_kept(folder: MapFolder) -> None:
+    result = dataclasses.replace(odometry(), T_world_before=se3.exp(RNG.standard_normal((4, 6))))
+    saved(folder, "odometry", lambda draft: artifacts.save_odometry(draft, result))
+    assert_same(result, artifacts.load_odometry(folder))
+
+
+def test_keyframes_of_another_odometry_follow_on_the_rows_before(tmp_path: Path) -> None:
+    for name in ("whole/keyframes/000007", "added/keyframes/000000", "added/keyframes/000012"):
+        path = tmp_path / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        for end in ("jpg", "png"):
+            path.with_suffix(f".{end}").write_text(name)
+    artifacts.add_keyframes(tmp_path / "whole", tmp_path / "added", 8)
+    images = sorted((tmp_path / "whole" / "keyframes").iterdir())
+    rows = ["000007", "000008", "000020"]
+    assert [p.name for p in images] == [f"{row}.{end}" for row in rows for end in ("jpg", "png")]
+    assert images[-1].read_text() == "added/keyframes/000012"
+
+
+def test_odometry_of_one_keyframe_and_no_edge_is_legal(folder: MapFolder) -> None:
+    result = odometry(keyframes=1, edge_count=0)
+    saved(folder, "odometry", lambda draft: artifacts.save_odometry(draft, result))
+    assert_same(result, artifacts.load_odometry(folder))
+
+
+def test_loops_are_loaded_as_they_were_saved(folder: MapFolder) -> None:
+    verdicts = (
+        LoopVerdict(0, 5, "appearance", 0.25, True, "", 80, 60),
+        LoopVerdict(1, 7, "proximity", 0.5, False, "too few matches", 3, 0),
+    )
+    accepted, matches = edges(1), RNG.integers(0, 9, (60, 4)).astype(np.int32)
+    saved(folder, "loops", lambda draft: artifacts.save_loops(draft, verdicts, accepted, matches))
+    assert artifacts.load_loops(folder) == verdicts
+    assert_same((accepted, matches), artifacts.load_loop_edges(folder))
+
+
+def test_no_loops_are_legal(folder: MapFolder) -> None:
+    none = np.zeros((0, 4), np.int32)
+    saved(folder, "loops", lambda draft: artifacts.save_loops(draft, [], [], none))
+    assert artifacts.load_loops(folder) == ()
+    assert_same(((), none), artifacts.load_loop_edges(folder))
+
+
+@pytest.mark.parametrize("world", [World("floor", 900, 0.01), World("cameras", 0, None)])
+def test_the_optimised_map_is_loaded_as_it_was_saved(folder: MapFolder, world: World) -> None:
+    landmarks = Landmarks(RNG.random((3, 3)), RNG.random(3), [0, 0, 2], [0, 1, 1], [4, 2, 0])
+    poses = se3.exp(RNG.standard_normal((5, 6)))
+    result = OptimisedMap(poses, RNG.random((2, 6, 6)), landmarks, world)
+    saved(folder, "optimise", lambda draft: artifacts.save_optimised(draft, result))
+    assert_same(result, artifacts.load_optimised(folder))
+
+
+def test_a_keyframes_images_are_kept(folder: MapFolder) -> None:
+    # JPEG of a smooth image is off by little; depth is stored in steps of 0.2 mm.
+    ramp = np.linspace(0, 255, 64 * 48).reshape(48, 64)
+    color = np.stack([ramp, 255 - ramp, ramp / 2], -1).astype(np.uint8)
+    depth = RNG.uniform(0.3, 13, (48, 64)).astype(np.float32)
+    depth[:5] = 0
+    frame = Frame(1, 0, 1.0, color, depth)
+    frames = odometry().frames
+    saved(folder, "odometry", lambda draft: artifacts.save_keyframe(draft, 3, frame))
+    kept = artifacts.load_keyframe(folder, 3, frames)
+    assert (kept.capture, kept.index, kept.stamp_s) == (1, 0, 1.0)
+    assert np.abs(kept.color.astype(int) - color).mean() < 3
+    assert np.abs(kept.depth_m - depth).max() <= 1.01e-4
+    assert not kept.depth_m[:5].any()
+
+
+def test_depth_beyond_what_is_stored_is_not_wrapped_to_near(folder: MapFolder) -> None:
+    frame = Frame(0, 0, 1.0, np.zeros((8, 8, 3)), np.full((8, 8), 20.0))
+    saved(folder, "odometry", lambda draft: artifacts.save_keyframe(draft, 0, frame))
+    assert artifacts.load_keyframe(folder, 0, odometry().frames).depth_m.min() > 13
+
+
+def test_a_missing_keyframe_image_is_named(folder: MapFolder) -> None:
+    with pytest.raises(MapError, match=r"expected a keyframe's image in .*000002\.jpg"):
+        artifacts.load_keyframe(folder, 2, odometry().frames)
+
+
+def test_the_camera_of_the_map_is_undistorted_and_whole(folder: MapFolder) -> None:
+    camera = {"width": 64, "height": 48, "fx": 50.0, "fy": 51.0, "cx": 31.5, "cy": 23.5}
+    folder.set_captures([{"id": 0, "camera": camera}, {"id": 1, "camera": camera | {"fx": 60.0}}])
+    assert artifacts.map_camera(folder).size == (64, 48)
+    assert artifacts.map_camera(folder, 1).fx == 60.0
+    assert artifacts.map_camera(folder).distortion == ()
+
+
+def cut(path: Path) -> None:
+    path.write_bytes(path.read_bytes()[:-30])
+
+
+def emptied(path: Path) -> None:
+    path.write_bytes(b"")
+
+
+def altered(path: Path) -> None:
+    path.write_bytes(path.read_bytes().replace(b"NUMPY", b"NUMPI", 1))
+
+
+def other(path: Path) -> None:
+    path.write_bytes(b"neither arrays nor JSON")
+
+
+@pytest.mark.parametrize("damage", [cut, emptied, altered, other, Path.unlink])
+@pytest.mark.parametrize("name", ["frames.npz", "keyframes.npz", "edges.npz"])
+def test_damaged_arrays_are_a_map_error_that_names_the_file(
+    folder: MapFolder, name: str, damage: Callable[[Path], None]
+) -> None:
+    saved(folder, "odometry", lambda draft: artifacts.save_odometry(draft, odometry()))
+    damage(folder.root / "odometry" / name)
+    with pytest.raises(MapError, match=f"expected arrays in .*{name}, found: .*--fresh"):
+        artifacts.load_odometry(folder)
+
+
+@pytest.mark.parametrize("damage", [cut, emptied, other, Path.unlink])
+def test_a_damaged_table_is_a_map_error_that_names_the_file(
+    folder: MapFolder, damage: Callable[[Path], None]
+) -> None:
+    saved(folder, "odometry", lambda draft: artifacts.save_odometry(draft, odometry()))
+    damage(folder.root / "odometry" / "lost.json")
+    with pytest.raises(MapError, match=r"expected JSON in .*lost\.json"):
+        artifacts.load_odometry(folder)

@@ -1,0 +1,33 @@
+"""A damaged tree or index is told, never a traceback."""
+
+import shutil
+from pathlib import Path
+
+import pytest
+
+from vnav.errors import MapError
+from vnav.io.store.index_file import load_index
+from vnav.io.store.map_folder import MapFolder
+from vnav.io.store.tree_file import load_tree
+
+LOADERS = {"vocabulary/tree.npz": load_tree, "index/index.npz": load_index}
+
+
+@pytest.mark.parametrize("name", LOADERS)
+@pytest.mark.parametrize("kept", [0, 100, -50])
+def test_a_truncated_file_is_named_with_the_command_that_mends_it(
+    name: str, kept: int, whole_map: Path, tmp_path: Path
+) -> None:
+    folder = MapFolder(shutil.copytree(whole_map, tmp_path / "map"))
+    path = folder.root / name
+    path.write_bytes(path.read_bytes()[:kept])
+    with pytest.raises(MapError, match=f"{path}.*run 'vnav {name.split('/')[0]} "):
+        LOADERS[name](folder)
+
+
+@pytest.mark.parametrize("name", LOADERS)
+def test_a_file_of_other_arrays_is_named(name: str, whole_map: Path, tmp_path: Path) -> None:
+    folder = MapFolder(shutil.copytree(whole_map, tmp_path / "map"))
+    shutil.copy(whole_map / "odometry" / "edges.npz", folder.root / name)
+    with pytest.raises(MapError, match="expected a"):
+        LOADERS[name](folder)

@@ -1,0 +1,347 @@
+"""Pose graphs over a walk in circles whose truth is known; noise is what the edges' own says."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from vnav.core import se3
+from vnav.core.frame import Edge
+from vnav.core.graph import chain
+from vnav.core.mapping import LOST
+from vnav.optimisation import pose_graph
+
+SIGMAS = np.array([0.002, 0.002, 0.002, 0.005, 0.005, 0.005])  # rad, m: of a good registration
+INFORMATION = np.diag(SIGMAS**-2)
+MAX_SIGMAS = 4.0
+LAP = 40  # frames in a circle
+ONE = np.zeros(3 * LAP, np.int32)  # capture of every frame
+
+
+def walk(count: int) -> np.ndarray:
+    """Poses (N, 4, 4) on a circle of 2 m, looking along it; every LAP frames one comes back."""
+    angle = 2 * np.pi * np.arange(count) / LAP
+    position = np.stack([2 * np.cos(angle), 2 * np.sin(angle), 0 * angle], 1)
+    T = se3.make(se3.exp_so3(np.outer(angle, [0, 0, 1])), position)
+    return se3.inverse(T[0]) @ T
+
+
+def edge(T: np.ndarray, i: int, j: int, rng: np.random.Generator) -> Edge:
+    """What registration would measure between frames i and j."""
+    noise = se3.exp(SIGMAS * rng.standard_normal(6))
+    return Edge(i, j, se3.inverse(T[i]) @ T[j] @ noise, INFORMATION)
+
+
+def steps(T: np.ndarray, rng: np.random.Generator) -> list[Edge]:
+    return [edge(T, k, k + 1, rng) for k in range(len(T) - 1)]
+
+
+def laps(T: np.ndarray, rng: np.random.Generator) -> list[Edge]:
+    """True closures: every fourth frame with the one a lap later."""
+    return [edge(T, k, k + LAP, rng) for k in range(0, len(T) - LAP, 4)]
+
+
+def wrong(T: np.ndarray, count: int, rng: np.random.Generator) -> list[Edge]:
+    """Closures between places far apart that claim to be one place, as sure of it as true ones."""
+    found = []
+    while len(found) < count:
+        i, j = sorted(rng.integers(0, len(T), 2).tolist())
+        if np.linalg.norm(T[i, :3, 3] - T[j, :3, 3]) > 1:
+            found.append(Edge(i, j, se3.exp(0.1 * rng.standard_normal(6)), INFORMATION))
+    return found
+
+
+def errors(poses: np.ndarray, T: np.ndarray) -> np.ndarray:
+    return np.linalg.norm(poses[:, :3, 3] - T[:, :3, 3], axis=1)
+
+
+def chained(count: int, edges: list[Edge]) -> np.ndarray:
+    return chain(count, edges, [0])[0]
+
+
+def test_chained_exact_edges_give_the_walk() -> None:
+    T = walk(LAP)
+    exact = [Edge(k, k + 1, se3.inverse(T[k]) @ T[k + 1], INFORMATION) for k in range(LAP - 1)]
+    poses, segment = chain(LAP, exact, [0])
+    np.testing.assert_allclose(poses, T, atol=1e-9)
+    assert not segment.any()
+
+
+def test_edges_chain_backwards_as_well() -> None:
+    T = walk(3)
+    back = [Edge(k + 1, k, se3.inverse(T[k + 1]) @ T[k], INFORMATION) for k in range(2)]
+    np.testing.assert_allclose(chained(3, back), T, atol=1e-9)
+
+
+def test_frames_that_no_edge_reaches_are_lost() -> None:
+    step = Edge(0, 1, np.eye(4), INFORMATION)
+    poses, segment = chain(4, [step], [0])
+    assert segment.tolist() == [0, 0, LOST, LOST]
+    assert np.isnan(poses[2:]).all()
+
+
+def test_every_connected_run_is_a_segment_that_starts_at_its_first_root() -> None:
+    edges = [Edge(1, 2, np.eye(4), INFORMATION), Edge(4, 3, np.eye(4), INFORMATION)]
+    poses, segment = chain(6, edges, [0, 1, 3, 4])
+    assert segment.tolist() == [0, 1, 1, 2, 2, LOST]
+    for root in (0, 1, 3):
+        np.testing.assert_array_equal(poses[root], np.eye(4))
+
+
+def test_closures_take_the_drift_out() -> None:
+    # By dead reckoning the heading of frame k is off by 0.002 sqrt(k): 25 mrad after 160 steps,
+    # over a circle of 4 m. With closures to the lap before, four laps are measured as one: the
+    # error left is that of a lap, a third and less.
+    T, rng = walk(4 * LAP), np.random.default_rng(0)
+    edges, closures = steps(T, rng), laps(T, rng)
+    initial = chained(len(T), edges)
+    graph = pose_graph.optimise(initial, edges, closures, MAX_SIGMAS)
+    assert graph.kept.all()
+    assert graph.error_after < graph.error_before
+    assert errors(graph.T_world_camera, T).mean() < 0.5 * errors(initial, T).mean()
+
+
+def test_the_error_left_is_what_the_noise_leaves() -> None:
+    # Half the squared residuals: chi-squared of 6 degrees of freedom for each edge beyond what
+    # the poses take up, halved; its scatter is sqrt(2 * 234) / 2 = 11.
+    T, rng = walk(3 * LAP), np.random.default_rng(1)
+    edges, closures = steps(T, rng), laps(T, rng)
+    graph = pose_graph.optimise(chained(len(T), edges), edges, closures, MAX_SIGMAS)
+    free = 6 * (len(edges) + len(closures) - len(T) + 1)
+    assert graph.error_after == pytest.approx(free / 2, abs=4 * np.sqrt(2 * free) / 2)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_wrong_closures_do_not_survive(seed: int) -> None:
+    # One closure in ten is wrong and as sure of itself as the others.
+    T, rng = walk(3 * LAP), np.random.default_rng(seed)
+    edges, true = steps(T, rng), laps(T, rng)
+    false = wrong(T, max(2, len(true) // 9), rng)
+    initial = chained(len(T), edges)
+    graph = pose_graph.optimise(initial, edges, [*true, *false], MAX_SIGMAS)
+    assert graph.kept[: len(true)].all()
+    assert not graph.kept[len(true) :].any()
+    assert (graph.closure_sigmas[len(true) :] > MAX_SIGMAS).all()
+    clean = pose_graph.optimise(initial, edges, true, MAX_SIGMAS)
+    np.testing.assert_allclose(graph.T_world_camera, clean.T_world_camera, atol=1e-4)
+
+
+def test_wrong_closures_do_not_survive_where_most_are_wrong() -> None:
+    T, rng = walk(3 * LAP), np.random.default_rng(5)
+    edges, true = steps(T, rng), laps(T, rng)
+    false = wrong(T, len(true) + 5, rng)
+    graph = pose_graph.optimise(chained(len(T), edges), edges, [*false, *true], MAX_SIGMAS)
+    assert not graph.kept[: len(false)].any()
+    assert graph.kept[len(false) :].all()
+
+
+def test_a_lower_limit_refuses_what_a_higher_one_keeps() -> None:
+    # Right closures lie about one sigma off, hardly one of them less than a fifth.
+    T, rng = walk(2 * LAP), np.random.default_rng(16)
+    edges, closures = steps(T, rng), laps(T, rng)
+    initial = chained(len(T), edges)
+    assert pose_graph.optimise(initial, edges, closures, MAX_SIGMAS).kept.all()
+    assert pose_graph.optimise(initial, edges, closures, 0.2).kept.mean() < 0.5
+
+
+def test_true_closures_survive_a_drift_that_always_goes_one_way() -> None:
+    # A wrong focal length bends every step by one sigma to the same side: 5 degrees a lap, 40
+    # sigmas of a closure, and yet no edge is off by more than two.
+    T, rng = walk(2 * LAP), np.random.default_rng(6)
+    bend = se3.exp([0, 0, SIGMAS[2], SIGMAS[3], 0, 0])
+    edges = [Edge(e.i, e.j, e.T_i_j @ bend, INFORMATION) for e in steps(T, rng)]
+    graph = pose_graph.optimise(chained(len(T), edges), edges, laps(T, rng), MAX_SIGMAS)
+    assert graph.kept.all()
+
+
+def test_without_closures_nothing_moves() -> None:
+    T, rng = walk(LAP), np.random.default_rng(7)
+    edges = steps(T, rng)
+    initial = chained(LAP, edges)
+    graph = pose_graph.optimise(initial, edges, [], MAX_SIGMAS)
+    np.testing.assert_allclose(graph.T_world_camera, initial, atol=1e-6)
+    assert graph.kept.shape == graph.closure_sigmas.shape == (0,)
+
+
+def test_frames_that_no_edge_reaches_stay_nan() -> None:
+    T, rng = walk(2 * LAP), np.random.default_rng(8)
+    edges, closures = steps(T, rng)[1:], laps(T, rng)[1:]
+    initial, _ = chain(len(T), edges, [1])
+    graph = pose_graph.optimise(initial, edges, closures, MAX_SIGMAS)
+    assert np.isnan(graph.T_world_camera[0]).all()
+    assert np.isfinite(graph.T_world_camera[1:]).all()
+
+
+def test_the_same_graph_gives_the_same_bytes() -> None:
+    T, rng = walk(2 * LAP), np.random.default_rng(9)
+    edges, closures = steps(T, rng), [*laps(T, rng), *wrong(T, 2, rng)]
+    initial = chained(len(T), edges)
+    first, second = (
+        pose_graph.optimise(initial, edges, closures, MAX_SIGMAS).T_world_camera for _ in range(2)
+    )
+    assert first.tobytes() == second.tobytes()
+
+
+def segments(T: np.ndarray, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray, list[Edge]]:
+    """Two laps as two segments, each in a frame of reference of its own, and their edges."""
+    edges = [e for e in steps(T, rng) if e.i != LAP - 1]
+    return *chain(len(T), edges, [0, LAP]), edges
+
+
+def test_held_poses_stay_and_turn_down_the_closures_that_disagree() -> None:
+    rng, T = np.random.default_rng(8), walk(2 * LAP)
+    T[5] = np.nan
+    right = [e for e in laps(T, rng) if e.i != 5]
+    found = pose_graph.held(T, [*right, *wrong(walk(2 * LAP), 5, rng)], MAX_SIGMAS)
+    np.testing.assert_array_equal(found.T_world_camera, T)
+    assert found.kept.tolist() == [True] * len(right) + [False] * 5
+    assert found.closure_sigmas[: len(right)].max() < MAX_SIGMAS  # 24 / 6 squared: once in 10^17
+
+
+def test_held_poses_without_closures_are_legal() -> None:
+    assert pose_graph.held(walk(3), [], MAX_SIGMAS).kept.tolist() == []
+
+
+def test_segments_are_joined_where_closures_agree() -> None:
+    # Half of the closures between the segments are wrong, each in its own way.
+    T, rng = walk(2 * LAP), np.random.default_rng(10)
+    poses, segment, edges = segments(T, rng)
+    crossing = [e for e in wrong(T, 60, rng) if e.i < LAP <= e.j][:10]
+    closures = [*crossing, *laps(T, rng)]
+    joined, part = pose_graph.join(poses, segment, ONE, closures)
+    assert not part.any()
+    # The second segment hangs on one closure, which drift in either lap may put off: 2 mrad a
+    # step over 40 steps and 4 m, and 5 mm a step: 0.05 + 0.03 m; three times that.
+    assert errors(joined, T).max() < 0.25
+    graph = pose_graph.optimise(joined, edges, closures, MAX_SIGMAS)
+    assert graph.kept.tolist() == [False] * len(crossing) + [True] * 10
+
+
+def test_segments_that_no_closure_joins_stay_apart() -> None:
+    T, rng = walk(2 * LAP), np.random.default_rng(11)
+    poses, segment, edges = segments(T, rng)
+    inside = [edge(T, 0, 20, rng)]
+    joined, part = pose_graph.join(poses, segment, ONE, inside)
+    np.testing.assert_array_equal(part, segment)
+    np.testing.assert_array_equal(joined, poses)
+    graph = pose_graph.optimise(joined, edges, inside, MAX_SIGMAS)
+    assert np.isfinite(graph.T_world_camera).all()
+
+
+def test_three_segments_become_one_part_by_way_of_the_middle_one() -> None:
+    T, rng = walk(3 * LAP), np.random.default_rng(12)
+    edges = [e for e in steps(T, rng) if e.j % LAP]
+    poses, segment = chain(len(T), edges, [0, LAP, 2 * LAP])
+    joined, part = pose_graph.join(poses, segment, ONE, laps(T, rng))
+    assert not part.any()
+    assert errors(joined, T).max() < 0.5  # twice the limit of two segments
+
+
+@pytest.mark.parametrize(("closures", "joined"), [(2, False), (3, True)])
+def test_captures_are_joined_where_three_closures_agree(closures: int, joined: bool) -> None:
+    T, rng = walk(2 * LAP), np.random.default_rng(14)
+    poses, segment, _ = segments(T, rng)
+    crossing = [e for e in wrong(T, 60, rng) if e.i < LAP <= e.j][:5]  # each in its own way
+    found = [*crossing, *laps(T, rng)[:closures]]
+    _, part = pose_graph.join(poses, segment, segment, found)
+    assert (not part.any()) == joined
+    _, part = pose_graph.join(poses, segment, ONE, found[:1])
+    assert not part.any()  # within a capture one will do
+
+
+def test_a_capture_that_is_joined_does_not_vouch_for_its_other_segments() -> None:
+    # Three segments, the last two of one capture; one closure leads from the first to the last.
+    T, rng = walk(3 * LAP), np.random.default_rng(15)
+    edges = [e for e in steps(T, rng) if e.j % LAP]
+    poses, segment = chain(len(T), edges, [0, LAP, 2 * LAP])
+    capture = np.minimum(segment, 1)
+    between = [e for e in laps(T, rng) if e.j < 2 * LAP]
+    _, part = pose_graph.join(poses, segment, capture, [*between, edge(T, 3, 2 * LAP + 3, rng)])
+    assert np.unique(part).tolist() == [0, 2]
+    inside = edge(T, LAP + 3, 2 * LAP + 3, rng)
+    _, part = pose_graph.join(poses, segment, capture, [*between, inside])
+    assert not part.any()
+
+
+def test_lost_frames_belong_to_no_part() -> None:
+    T, rng = walk(2 * LAP), np.random.default_rng(13)
+    poses, segment, _ = segments(T, rng)
+    poses[5], segment[5] = np.nan, LOST
+    joined, part = pose_graph.join(poses, segment, ONE, laps(T, rng)[2:])
+    assert part[5] == LOST
+    assert np.isnan(joined[5]).all()
+
+
+def test_a_way_along_edges_has_their_motion_and_their_noise_together() -> None:
+    # By drawing: 1000 draws tell a variance to 4.5 %, the trace of six to less; five times that.
+    T = walk(4)
+    rng = np.random.default_rng(0)
+    (way,) = pose_graph.along(steps(T, rng), [(0, 3)])
+    drawn = [pose_graph.along(steps(T, rng), [(0, 3)])[0].T_i_j for _ in range(1000)]
+    off = se3.inverse(se3.inverse(T[0]) @ T[3]) @ np.array(drawn)
+    xi = np.concatenate([[*se3.log_so3(D[:3, :3]), *D[:3, 3]] for D in off]).reshape(-1, 6)
+    assert (way.i, way.j) == (0, 3)
+    squared = np.einsum("ni,ij,nj->n", xi, way.information, xi)
+    assert squared.mean() == pytest.approx(6, rel=0.2)
+
+
+def test_a_way_along_edges_is_the_surest() -> None:
+    T = walk(4)
+    exact = [Edge(k, k + 1, se3.inverse(T[k]) @ T[k + 1], INFORMATION) for k in range(3)]
+    sure = Edge(0, 3, se3.inverse(T[0]) @ T[3], 4 * INFORMATION)
+    vague = Edge(0, 3, se3.exp([0, 0, 0, 1.0, 0, 0]), INFORMATION / 100)
+    (way,) = pose_graph.along([*exact, vague, sure], [(0, 3)])
+    np.testing.assert_allclose(way.information, sure.information)
+    np.testing.assert_allclose(way.T_i_j, sure.T_i_j)
+
+
+def test_frames_that_no_way_joins_have_none() -> None:
+    T = walk(6)
+    apart = [e for e in steps(T, np.random.default_rng(0)) if e.i != 2]
+    assert [(e.i, e.j) for e in pose_graph.along(apart, [(0, 2), (1, 4), (3, 5)])] == [
+        (0, 2),
+        (3, 5),
+    ]
+
+
+def test_carried_frames_keep_the_held_ones_and_spread_the_rest() -> None:
+    # Held ends 0.1 m farther apart than the edges say: the frames between share it evenly.
+    T = np.stack([se3.make(np.eye(3), [k, 0, 0]) for k in range(5)])
+    edges = [Edge(k, k + 1, T[1], INFORMATION) for k in range(4)]
+    moved = T.copy()
+    moved[4, 0, 3] = 4.1
+    carried = pose_graph.carry(moved, edges, np.array([0, 4]))
+    np.testing.assert_allclose(carried[[0, 4]], moved[[0, 4]], atol=1e-9)
+    np.testing.assert_allclose(carried[:, 0, 3], [0, 1.025, 2.05, 3.075, 4.1], atol=1e-4)
+
+
+def test_carried_frames_without_a_pose_stay_nan() -> None:
+    T = np.stack([np.eye(4)] * 3)
+    T[2] = np.nan
+    carried = pose_graph.carry(T, [Edge(0, 1, np.eye(4), INFORMATION)], np.array([0]))
+    assert np.isnan(carried[2]).all()
+    assert np.isfinite(carried[:2]).all()
+
+
+def test_a_softened_edge_has_both_noises() -> None:
+    rng = np.random.default_rng(14)
+    soft = pose_graph.softened(edge(walk(2), 0, 1, rng), 0.01, 0.02)
+    variances = np.diag(np.linalg.inv(soft.information))
+    np.testing.assert_allclose(variances, SIGMAS**2 + np.repeat([0.01**2, 0.02**2], 3))
+
+
+def test_the_g2o_file_holds_every_pose_and_every_edge_between_them(tmp_path: Path) -> None:
+    T, rng = walk(6), np.random.default_rng(15)
+    T[5] = np.nan
+    edges = steps(walk(6), rng)
+    pose_graph.write_g2o(str(tmp_path / "graph.g2o"), T, edges)
+    lines = [line.split() for line in (tmp_path / "graph.g2o").read_text().splitlines()]
+    vertices = {line[1]: line[2:] for line in lines if line[0] == "VERTEX_SE3:QUAT"}
+    assert sorted(vertices) == ["0", "1", "2", "3", "4"]
+    np.testing.assert_allclose(np.array(vertices["3"][:3], float), T[3, :3, 3], atol=1e-4)
+    pairs = [tuple(line[1:3]) for line in lines if line[0] == "EDGE_SE3:QUAT"]
+    assert pairs == [("0", "1"), ("1", "2"), ("2", "3"), ("3", "4")]
+
+
+def test_the_self_test_passes() -> None:
+    pose_graph.self_test()

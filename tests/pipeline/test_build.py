@@ -1,0 +1,61 @@
+import dataclasses
+import shutil
+from pathlib import Path
+
+import pytest
+
+from vnav.config import CaptureConfig, Config, FeaturesConfig
+from vnav.errors import MapError
+from vnav.io.sources.capture import Capture, open_capture
+from vnav.io.store.map_folder import STAGES, MapFolder
+from vnav.pipeline.build import build_map, expect_capture
+
+CONFIG = Config(features=FeaturesConfig(max_features=700))  # that of the map that is copied
+
+
+@pytest.fixture
+def folder(whole_map: Path, tmp_path: Path) -> MapFolder:
+    shutil.copytree(whole_map, tmp_path / "map")
+    return MapFolder(tmp_path / "map")
+
+
+@pytest.fixture
+def capture(tiny_capture: Path) -> Capture:
+    return open_capture(tiny_capture, CaptureConfig())
+
+
+def redone(folder: MapFolder, capture: Capture, config: Config = CONFIG) -> list[str]:
+    reports = build_map(folder, capture, config)
+    assert [report.stage for report in reports] == [*STAGES, "map"]
+    return [report.stage for report in reports[:-1] if not report.reused]
+
+
+def test_a_finished_map_is_left_as_it_is(folder: MapFolder, capture: Capture) -> None:
+    assert redone(folder, capture) == []
+
+
+def test_only_what_a_setting_touches_is_done_again(folder: MapFolder, capture: Capture) -> None:
+    config = dataclasses.replace(CONFIG, fuse=dataclasses.replace(CONFIG.fuse, voxel_m=0.05))
+    assert redone(folder, capture, config) == ["fuse", "index"]  # which reads the octree
+
+
+def test_a_stage_that_is_gone_is_done_again_and_with_the_same_result_no_other(
+    folder: MapFolder, capture: Capture
+) -> None:
+    shutil.rmtree(folder.root / "loops")
+    assert redone(folder, capture) == ["loops"]
+
+
+def test_the_summary_tells_size_and_memory(folder: MapFolder, capture: Capture) -> None:
+    whole = build_map(folder, capture, CONFIG)[-1]
+    size = sum(path.stat().st_size for path in folder.root.rglob("*") if path.is_file())
+    assert whole.values["map_mb"] == pytest.approx(size / 1e6, rel=0.01)
+    assert whole.values["peak_memory_mb"] > 50  # Python with numpy alone needs as much
+    assert folder.report("map")["values"] == whole.values
+
+
+def test_a_map_of_another_capture_is_refused(folder: MapFolder, capture: Capture) -> None:
+    expect_capture(folder, capture)
+    folder.set_captures([folder.captures[0] | {"name": "office"}])
+    with pytest.raises(MapError, match="expected office.*found miniature.*--fresh"):
+        build_map(folder, capture, CONFIG)

@@ -1,0 +1,64 @@
+"""Frames of a tiny capture followed by all their pixels."""
+
+import dataclasses
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from vnav.config import Config
+from vnav.core import se3
+from vnav.core.frame import Frame
+from vnav.io.formats.trajectories import read_tum
+from vnav.registration import Sensor
+from vnav.tracking.dense_tracking import DenseTracker
+
+CONFIG = Config()
+
+
+@pytest.fixture(scope="module")
+def motions(tiny_capture: Path) -> list[np.ndarray]:
+    T = read_tum(tiny_capture / "groundtruth.txt").T_world_camera
+    return [se3.inverse(T[k]) @ T[k + 1] for k in range(5)]
+
+
+def seen(frames: list[Frame], most: int = 30) -> DenseTracker:
+    """A tracker that features have told the frames' motions so far."""
+    settings = dataclasses.replace(CONFIG.odometry, max_loose_frames=most)
+    tracker = DenseTracker(settings)
+    for row, frame in enumerate(frames):
+        tracker.took(row, frame, loose=False)
+    return tracker
+
+
+def test_a_frame_is_followed_from_the_last(
+    frames: list[Frame], motions: list[np.ndarray], sensor: Sensor
+) -> None:
+    found = seen(frames[:3]).follow(frames[3], sensor, motions[1])
+    assert found is not None
+    off = se3.inverse(motions[2]) @ found.T_a_b
+    xi = np.concatenate([se3.log_so3(off[:3, :3]), off[:3, 3]])
+    # By its own information: 6 degrees of freedom, 99.9 % are below 22.5.
+    assert xi @ found.information @ xi < 22.5
+
+
+def test_after_a_gap_in_time_nothing_is_predicted(
+    frames: list[Frame], motions: list[np.ndarray], sensor: Sensor
+) -> None:
+    late = dataclasses.replace(frames[3], stamp_s=frames[2].stamp_s + 3.0)
+    assert seen(frames[:3]).follow(late, sensor, motions[1]) is None
+
+
+def test_no_more_frames_in_a_row_are_followed_than_allowed(
+    frames: list[Frame], motions: list[np.ndarray], sensor: Sensor
+) -> None:
+    tracker = seen(frames[:3], most=1)
+    assert tracker.follow(frames[3], sensor, motions[1])
+    tracker.took(3, frames[3], loose=True)
+    assert tracker.hanging
+    assert tracker.follow(frames[4], sensor, motions[2]) is None
+
+
+def test_without_a_prediction_nothing_is_followed(frames: list[Frame], sensor: Sensor) -> None:
+    assert seen(frames[:3]).follow(frames[3], sensor, None) is None
+    assert DenseTracker(CONFIG.odometry).last is None

@@ -1,0 +1,129 @@
+"""Is a capture fit to be mapped? Asked by ``vnav check`` and before a map is built."""
+
+from dataclasses import asdict, dataclass
+from typing import Any
+
+from vnav.checking import verdict
+from vnav.checking.quality import (
+    FileFindings,
+    FrameFindings,
+    TimingFindings,
+    look_at_files,
+    look_at_frames,
+    look_at_times,
+)
+from vnav.checking.verdict import sizes_text
+from vnav.core.camera import Camera
+from vnav.core.progress import Progress, silent
+from vnav.errors import CaptureError
+from vnav.io.sources.capture import Capture
+
+
+@dataclass(frozen=True)
+class CaptureReport:
+    """What was found in a capture.
+
+    ``fatal`` and ``implausible_units`` (None: plausible) stop a map, the latter unless forced;
+    ``fitting_units``: units_per_metre that would make depth plausible, None where none would.
+    """
+
+    name: str
+    frames: int
+    dropped_color: int
+    dropped_depth: int
+    camera: Camera
+    files: FileFindings
+    timing: TimingFindings
+    look: FrameFindings | None
+    truth: str | None
+    fatal: tuple[str, ...]
+    implausible_units: str | None
+    fitting_units: float | None
+    warnings: tuple[str, ...]
+
+    def as_dict(self) -> dict[str, Any]:
+        """Plain values for JSON; sizes as "640x480"."""
+        values = asdict(self)
+        for kind in ("color_sizes", "depth_sizes"):
+            sizes = values["files"][kind]
+            values["files"][kind] = {f"{w}x{h}": count for (w, h), count in sizes.items()}
+        return values
+
+
+def inspect(capture: Capture, *, progress: Progress = silent) -> CaptureReport:
+    """Read every file of a capture, measure its times and some of its frames, and judge them.
+
+    Frames are not decoded where the files' sizes already rule the capture out.
+    """
+    files, timing = look_at_files(capture.frames, progress), look_at_times(capture.frames)
+    fatal = verdict.wrong_sizes(capture.camera, files)
+    look = None if fatal else look_at_frames(capture, progress)
+    fitting = implausible = None
+    if look is not None:
+        fatal = verdict.nothing_seen(look)
+        fitting = verdict.fitting_units(capture.camera.units_per_metre, look)
+        implausible = verdict.implausible_units(capture.camera.units_per_metre, look, fitting)
+    return CaptureReport(
+        capture.name,
+        len(capture),
+        len(capture.frames.dropped_color),
+        len(capture.frames.dropped_depth),
+        capture.camera,
+        files,
+        timing,
+        look,
+        None if capture.truth is None else capture.truth.name,
+        fatal,
+        implausible,
+        fitting,
+        verdict.warnings(capture.frames, files, look),
+    )
+
+
+def problems(report: CaptureReport, *, force: bool = False) -> tuple[str, ...]:
+    """What stops a map of this capture; implausible depth units only where not forced."""
+    units = report.implausible_units
+    return report.fatal if force or units is None else (*report.fatal, units)
+
+
+def require_usable(
+    capture: Capture, *, force: bool = False, progress: Progress = silent
+) -> CaptureReport:
+    """The report of a capture that can be mapped; CaptureError says why where it cannot."""
+    report = inspect(capture, progress=progress)
+    found = problems(report, force=force)
+    if found:
+        raise CaptureError("; ".join(found))
+    return report
+
+
+def summary(report: CaptureReport) -> list[str]:
+    """The report for people, line by line; what is wrong is in `problems` and the warnings."""
+    files, timing = report.files, report.timing
+    color, depth = sizes_text(files.color_sizes), sizes_text(files.depth_sizes)
+    registered = "registered" if report.camera.is_registered else "not registered"
+    lines = [
+        f"frames   {report.frames} over {timing.duration_s:.1f} s; images without partner:"
+        f" {report.dropped_color} colour, {report.dropped_depth} depth",
+        f"files    colour {color}; depth {depth}, {registered};"
+        f" unreadable: {len(files.unreadable)}",
+        f"times    {timing.median_step_s * 1e3:.0f} ms a frame, largest gap"
+        f" {timing.largest_gap_s * 1e3:.0f} ms; depth {timing.median_offset_s * 1e3:+.1f} ms from"
+        f" colour, at most {timing.largest_offset_s * 1e3:+.1f} ms",
+        *([] if report.look is None else _seen(report.look, report.camera.units_per_metre)),
+        f"truth    {report.truth or 'none'}",
+    ]
+    return [f"capture  {report.name}", *lines]
+
+
+def _seen(look: FrameFindings, units_per_metre: float) -> list[str]:
+    depth = "none"
+    if look.depth_m is not None:
+        near, middle, far = look.depth_m
+        depth = f"median {middle:.2f} m, nine tenths from {near:.2f} to {far:.2f} m"
+    return [
+        f"depth    {look.valid_depth_share:.0%} of pixels; {depth}"
+        f" (units_per_metre = {units_per_metre:g})",
+        f"colour   {look.blurred_share:.0%} of frames blurred, {look.dark_share:.0%} dark",
+        f"         (depth and colour of {look.sampled} frames, evenly chosen; files: all)",
+    ]

@@ -1,0 +1,112 @@
+"""What the measures of a capture say: what stops a map, and what a person should know."""
+
+import numpy as np
+
+from vnav.checking.quality import FileFindings, FrameFindings, Size
+from vnav.core.camera import Camera
+from vnav.io.sources.frame_list import FrameList
+
+# Where the depth of indoor captures lies, in metres: its nearest twentieth, its middle, its
+# farthest twentieth. Depth cameras begin at 0.2 m or later and reach 10 m at most.
+NEAREST_M, MEDIAN_M, FARTHEST_M = 0.2, (0.4, 6.0), 10.0
+USUAL_UNITS = (1000, 5000, 10000, 4000, 100)  # per metre, the most common first
+
+MANY_DROPPED, LITTLE_DEPTH, MANY_POOR = 0.1, 0.1, 0.3  # shares that are worth a warning
+LONG_GAP_S, LONG_GAP_STEPS = 0.5, 10  # a gap longer than both is worth one too
+
+
+def wrong_sizes(camera: Camera, files: FileFindings) -> tuple[str, ...]:
+    """What is wrong with the images' sizes: none readable, several mixed, not the camera's."""
+    sensor = camera.depth or camera.color
+    kinds = (
+        ("color", "colour", files.color_sizes, camera.color.size),
+        ("depth", "depth", files.depth_sizes, sensor.size),
+    )
+    wrong = []
+    for section, kind, sizes, (width, height) in kinds:
+        if len(sizes) > 1:
+            wrong.append(
+                f"expected {kind} images of one size, found {sizes_text(sizes)}; remove"
+                f" {files.odd_sizes[0]}" + ", and the others" * (len(files.odd_sizes) > 1)
+            )
+        elif not sizes:
+            wrong.append(f"expected {kind} images, found none that can be read")
+        elif (width, height) not in sizes:
+            wrong.append(
+                f"expected {kind} images of {width} x {height}, as [{section}] of the camera says,"
+                f" found {sizes_text(sizes)}; correct its width and height, or name another camera"
+            )
+    return tuple(wrong)
+
+
+def nothing_seen(look: FrameFindings) -> tuple[str, ...]:
+    """What makes every frame useless: none can be read, or no depth in any."""
+    if len(look.unreadable) == look.sampled:
+        return (f"none of {look.sampled} frames could be read; the first: {look.unreadable[0]}",)
+    if look.depth_m is None:
+        return (f"expected depth in the depth images, found only zeros in {look.sampled} frames",)
+    return ()
+
+
+def _is_plausible(look: FrameFindings, factor: float) -> bool:
+    if look.depth_m is None:
+        return True
+    near, middle, far = (factor * depth for depth in look.depth_m)
+    return near >= NEAREST_M and MEDIAN_M[0] <= middle <= MEDIAN_M[1] and far <= FARTHEST_M
+
+
+def fitting_units(used: float, look: FrameFindings) -> float | None:
+    """The camera's units_per_metre if depth is plausible, else a usual value that makes it so."""
+    fitting = (units for units in (used, *USUAL_UNITS) if _is_plausible(look, used / units))
+    return next(fitting, None)
+
+
+def implausible_units(used: float, look: FrameFindings, fitting: float | None) -> str | None:
+    """Why the depths of a room cannot be these, None where they can."""
+    if look.depth_m is None or fitting == used:
+        return None
+    near, middle, far = look.depth_m
+    hint = f"{fitting:g} would fit" if fitting else "none of the usual values would fit"
+    return (
+        f"expected indoor depth, found a median of {middle:.3g} m and nine tenths from {near:.3g}"
+        f" to {far:.3g} m: units_per_metre = {used:g} is probably wrong, {hint}; correct the camera"
+        " or use --set capture.units_per_metre=..., or --force if it is right"
+    )
+
+
+def warnings(frames: FrameList, files: FileFindings, look: FrameFindings | None) -> tuple[str, ...]:
+    """What does not stop a map, but may spoil it; names every damaged file."""
+    damaged = dict.fromkeys([*files.unreadable, *(look.unreadable if look else ())])
+    return (*damaged, *_of_times(frames), *(() if look is None else _of_look(look)))
+
+
+def _of_times(frames: FrameList) -> list[str]:
+    count, stamps_s = len(frames.pairs), frames.stamps_s
+    dropped = max(len(frames.dropped_color), len(frames.dropped_depth))
+    steps_s = np.diff(stamps_s)
+    found = []
+    if dropped > MANY_DROPPED * (count + dropped):
+        found.append(
+            f"{dropped} images have no partner in time, {count} have one; are colour and depth of"
+            " the same recording and by the same clock?"
+        )
+    if count > 2 and steps_s.max() > max(LONG_GAP_S, LONG_GAP_STEPS * np.median(steps_s)):
+        k = int(steps_s.argmax())
+        found.append(f"no frames for {steps_s[k]:.1f} s after frame {k} ({stamps_s[k]:.3f} s)")
+    return found
+
+
+def _of_look(look: FrameFindings) -> list[str]:
+    found = []
+    if 0 < look.valid_depth_share < LITTLE_DEPTH:
+        found.append(f"only {look.valid_depth_share:.1%} of the pixels have depth")
+    if look.blurred_share > MANY_POOR:
+        found.append(f"{look.blurred_share:.0%} of the frames are blurred; move more slowly")
+    if look.dark_share > MANY_POOR:
+        found.append(f"{look.dark_share:.0%} of the frames are dark; give more light")
+    return found
+
+
+def sizes_text(sizes: dict[Size, int]) -> str:
+    """Sizes and how many images have them, for people."""
+    return ", ".join(f"{count} of {w} x {h}" for (w, h), count in sizes.items()) or "none"

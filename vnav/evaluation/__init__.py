@@ -1,0 +1,1 @@
+"""Scores of trajectories and photos, and many runs over the sequences of a suite."""

@@ -1,0 +1,1 @@
+"""Public sequences and suites of them."""

@@ -1,0 +1,1 @@
+"""Photos and what their files say of their camera."""

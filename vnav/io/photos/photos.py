@@ -1,0 +1,88 @@
+"""Photos: their pixels, and the camera that may have taken them."""
+
+from collections.abc import Iterable
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vnav.core.camera import Intrinsics, PhotoCamera
+from vnav.errors import CameraError, CaptureError, PhotoError
+from vnav.io.formats.camera_file import read_color
+from vnav.io.formats.images import read_image
+from vnav.io.photos.exif import read_exif
+from vnav.io.photos.heic import is_heic, read_heic
+
+SUFFIXES = (".jpg", ".jpeg", ".png", ".bmp", ".tif", ".tiff", ".webp", ".heic", ".heif")
+AUTO = "auto"  # what --camera says where the focal length is to be estimated
+EXIF_SIGMA = 0.05  # relative; EXIF rounds to millimetres, and phones crop
+USUAL_FOCAL = 0.8  # of the longer side: 64 degrees of view; only where search starts
+
+
+def read_photo(path: Path) -> NDArray[np.uint8]:
+    """A photo (H, W, 3) uint8, RGB, upright by its EXIF; PhotoError where it cannot be read."""
+    if is_heic(path):
+        return read_heic(path)
+    try:
+        return read_image(path)
+    except CaptureError as error:
+        raise PhotoError(f"{error}; photos are JPEG, PNG or HEIC, convert others") from error
+
+
+def find_photos(paths: Iterable[Path]) -> list[Path]:
+    """Files as given, and the images of folders in order of name; PhotoError for an empty one."""
+    found: list[Path] = []
+    for path in paths:
+        if not path.is_dir():
+            found.append(path)
+            continue
+        images = sorted(p for p in path.iterdir() if p.suffix.lower() in SUFFIXES)
+        if not images:
+            raise PhotoError(f"expected photos in the folder {path}, found none; name another")
+        found += images
+    return found
+
+
+def photo_camera(
+    path: Path, size: tuple[int, int], camera: Path | str | None, of_map: Intrinsics
+) -> PhotoCamera:
+    """The camera of a photo of this size (width, height).
+
+    ``camera``: a camera.toml, "auto", or None. Without it: camera.toml beside the photo, EXIF,
+    the map's camera if the size is the same, else not known. CameraError where a camera.toml does
+    not fit the photo.
+    """
+    beside = path.parent / "camera.toml"
+    if camera is None and beside.is_file():
+        camera = beside
+    if camera == AUTO:
+        return _guessed(size)
+    if camera is not None:
+        return PhotoCamera(_fitting(Path(camera), path, size), "file", 0.0)
+    focal = read_exif(path).focal_px(*size) if path.is_file() else None
+    if focal:
+        return PhotoCamera(_centred(size, focal), "exif", EXIF_SIGMA)
+    if of_map.size == size:
+        return PhotoCamera(of_map, "assumed", 0.0)
+    return _guessed(size)
+
+
+def _fitting(camera_file: Path, photo: Path, size: tuple[int, int]) -> Intrinsics:
+    """The camera of the file, scaled to a photo of the same shape."""
+    found = read_color(camera_file)
+    if abs(found.width * size[1] - found.height * size[0]) > max(size):
+        raise CameraError(
+            f"expected a camera for {size[0]} x {size[1]} pixels, the size of {photo}, found"
+            f" {found.width} x {found.height} in {camera_file}; name another with --camera, or"
+            " --camera auto"
+        )
+    return found.scaled(*size)
+
+
+def _guessed(size: tuple[int, int]) -> PhotoCamera:
+    return PhotoCamera(_centred(size, USUAL_FOCAL * max(size)), "estimated", float("inf"))
+
+
+def _centred(size: tuple[int, int], focal_px: float) -> Intrinsics:
+    width, height = size
+    return Intrinsics(width, height, focal_px, focal_px, (width - 1) / 2, (height - 1) / 2)

@@ -1,0 +1,87 @@
+"""A capture whose frames are pairs of image files, whatever format lists them."""
+
+import hashlib
+import json
+import os
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import asdict
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vnav.core.camera import Camera
+from vnav.core.frame import Frame
+from vnav.errors import CaptureError
+from vnav.io.formats.images import read_depth, read_image
+from vnav.io.sources.frame_list import FrameList
+from vnav.io.sources.rectify import Rectifier
+
+
+class FolderCapture:
+    """Frames from image files: read, undistorted, registered."""
+
+    def __init__(
+        self, root: Path, camera: Camera, frames: FrameList, truth: Path | None = None
+    ) -> None:
+        self.root, self.camera, self.frames, self.truth = root, camera, frames, truth
+
+    @property
+    def name(self) -> str:
+        """Name of the folder."""
+        return self.root.resolve().name
+
+    def __len__(self) -> int:
+        return len(self.frames.pairs)
+
+    def stamp_s(self, index: int) -> float:
+        """Time of the colour image of a frame."""
+        return self.frames.pairs[index].color.stamp_s
+
+    def read(self, index: int) -> Frame:
+        """One frame, undistorted and registered; CaptureError names a file that is damaged."""
+        pair = self.frames.pairs[index]
+        color, raw = read_image(pair.color.path), read_depth(pair.depth.path)
+        _require_size(pair.color.path, color, self.camera.color.size, "color")
+        sensor = self.camera.depth or self.camera.color
+        _require_size(pair.depth.path, raw, sensor.size, "depth")
+        rectifier = self._rectifier
+        return Frame(0, index, self.stamp_s(index), rectifier.color(color), rectifier.depth_m(raw))
+
+    def fingerprint(self) -> str:
+        """A hash of the capture's content: camera, and each frame's times, file names and bytes."""
+        files = [image for pair in self.frames.pairs for image in (pair.color, pair.depth)]
+        with ThreadPoolExecutor() as pool:
+            digests = list(pool.map(_digest, [file.path for file in files]))
+        names = [os.path.relpath(file.path, self.root) for file in files]
+        content = [
+            [file.stamp_s, name, digest]
+            for file, name, digest in zip(files, names, digests, strict=True)
+        ]
+        text = json.dumps([asdict(self.camera), content], sort_keys=True)
+        return hashlib.sha256(text.encode()).hexdigest()
+
+    @cached_property
+    def _rectifier(self) -> Rectifier:
+        return Rectifier(self.camera)
+
+
+def _require_size(
+    path: Path, image: NDArray[np.generic], size: tuple[int, int], section: str
+) -> None:
+    height, width = image.shape[:2]
+    if (width, height) != size:
+        raise CaptureError(
+            f"expected {size[0]} x {size[1]} pixels in {path}, as [{section}] of its camera says,"
+            f" found {width} x {height}; correct the camera or remove the image"
+        )
+
+
+def _digest(path: Path) -> str:
+    """Hash of a file's bytes; a missing file has one too, for a capture may miss some."""
+    try:
+        with path.open("rb") as file:
+            return hashlib.file_digest(file, "sha256").hexdigest()
+    except OSError as error:
+        return f"unreadable: {error.strerror}"

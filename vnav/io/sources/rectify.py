@@ -1,0 +1,88 @@
+"""Raw images to what the rest of vnav works on: undistorted colour, depth in metres on its pixels.
+
+Undistorting keeps focal lengths and principal point. Depth that is not registered is warped into
+the colour camera as a surface with a z-buffer: accurate below a pixel, nothing filled in where
+nothing was measured.
+"""
+
+import dataclasses
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from vnav.core.camera import Camera, Intrinsics
+
+_SATURATED = 65535  # what 7-Scenes writes for "no depth"; no sensor measures it
+
+Maps = tuple[NDArray[np.int16], NDArray[np.uint16]]
+
+
+def rectified(camera: Camera) -> Intrinsics:
+    """The colour camera of the frames that a capture delivers: as described, without distortion."""
+    return dataclasses.replace(camera.color, distortion=())
+
+
+class Rectifier:
+    """Undistorts and registers the images of one camera; may be used from several threads."""
+
+    def __init__(self, camera: Camera) -> None:
+        self._camera = camera
+        sensor = camera.color if camera.depth is None else camera.depth
+        self._color_maps = _undistortion(camera.color)
+        self._depth_maps = _undistortion(sensor)
+        self._warp = None if camera.depth is None else DepthWarp(camera)
+
+    def color(self, image: NDArray[np.uint8]) -> NDArray[np.uint8]:
+        """Undistorted colour (H, W, 3); pixels from beyond the image repeat its border."""
+        if self._color_maps is None:
+            return image
+        result = cv2.remap(
+            image, *self._color_maps, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE
+        )
+        return np.asarray(result, np.uint8)
+
+    def depth_m(self, raw: NDArray[np.uint16]) -> NDArray[np.float32]:
+        """Depth (H, W) float32 in metres on the pixels of undistorted colour, 0 where none."""
+        if self._depth_maps is not None:
+            raw = np.asarray(cv2.remap(raw, *self._depth_maps, cv2.INTER_NEAREST), np.uint16)
+        units_per_metre = np.float32(self._camera.units_per_metre)
+        depth_m = np.where(raw == _SATURATED, np.float32(0), raw / units_per_metre)
+        return depth_m if self._warp is None else self._warp(depth_m)
+
+
+class DepthWarp:
+    """Moves depth from the depth camera's pixels to those of the undistorted colour camera."""
+
+    def __init__(self, camera: Camera) -> None:
+        from vnav.io.sources import warp  # compiled; half a second to import
+
+        self._loops = warp
+        self._size = camera.color.size
+        assert camera.depth is not None
+        columns, rows = np.meshgrid(np.arange(camera.depth.width), np.arange(camera.depth.height))
+        pixels = np.stack([columns, rows, np.ones_like(rows)], -1)
+        T_color_depth = np.array(camera.T_color_depth)
+        K, R, t = camera.color.K, T_color_depth[:3, :3], T_color_depth[:3, 3]
+        self._rays = (pixels @ (K @ R @ np.linalg.inv(camera.depth.K)).T).astype(np.float32)
+        self._offset = (K @ t).astype(np.float32)
+
+    def __call__(self, depth_m: NDArray[np.float32]) -> NDArray[np.float32]:
+        """Depth (H, W) float32 seen from the colour camera, metres, 0 where none."""
+        width, height = self._size
+        inverse_depth = np.zeros((height, width), np.float32)
+        uvi = np.empty_like(self._rays)
+        self._loops.place(depth_m, self._rays, self._offset, uvi, inverse_depth)
+        self._loops.draw(uvi, inverse_depth)
+        inverse_depth = np.abs(inverse_depth)
+        result = np.zeros_like(inverse_depth)
+        return np.divide(1, inverse_depth, out=result, where=inverse_depth > 0)
+
+
+def _undistortion(camera: Intrinsics) -> Maps | None:
+    if not camera.distortion:
+        return None
+    K, distortion = camera.K, np.array(camera.distortion)
+    maps = cv2.initUndistortRectifyMap(K, distortion, None, K, camera.size, cv2.CV_32FC1)
+    fixed, fraction = cv2.convertMaps(*maps, cv2.CV_16SC2)
+    return np.asarray(fixed, np.int16), np.asarray(fraction, np.uint16)

@@ -1,0 +1,78 @@
+"""The TUM RGB-D format: rgb.txt and depth.txt list images with their times."""
+
+from pathlib import Path
+
+import numpy as np
+
+from vnav.config import CaptureConfig
+from vnav.core.association import associate
+from vnav.core.camera import Camera
+from vnav.core.trajectory import Trajectory
+from vnav.errors import CaptureError
+from vnav.io.formats.trajectories import read_tum
+from vnav.io.sources.frame_list import FrameList, ImageFile, paired
+
+NAME = "TUM RGB-D"
+LAYOUT = "rgb.txt and depth.txt"
+
+
+def recognises(root: Path) -> bool:
+    """Whether the folder has one of the lists."""
+    return (root / "rgb.txt").is_file() or (root / "depth.txt").is_file()
+
+
+def list_frames(root: Path, config: CaptureConfig) -> FrameList:
+    """Colour and depth images whose times differ by less than ``association_s``, one to one."""
+    colors, depths = _read_list(root / "rgb.txt"), _read_list(root / "depth.txt")
+    color_s, depth_s = (
+        np.array([image.stamp_s for image in images]) for images in (colors, depths)
+    )
+    matches = associate(color_s, depth_s, config.association_s)
+    if not len(matches):
+        raise CaptureError(
+            f"expected colour and depth images less than {config.association_s:g} s apart in"
+            f" {root}, found none among {len(colors)} and {len(depths)}; if both are of the same"
+            " recording, raise it with --set capture.association_s=..."
+        )
+    return paired(colors, depths, matches)
+
+
+def truth_path(root: Path, frames: FrameList) -> Path | None:
+    """The capture's groundtruth.txt, None where there is none."""
+    path = root / "groundtruth.txt"
+    return path if path.is_file() else None
+
+
+def read_truth(path: Path, frames: FrameList, camera: Camera) -> Trajectory:
+    """The true trajectory of the colour camera."""
+    return read_tum(path)
+
+
+def _read_list(path: Path) -> list[ImageFile]:
+    try:
+        lines = path.read_text("utf-8").splitlines()
+    except (OSError, UnicodeDecodeError) as error:
+        raise CaptureError(
+            f"expected the list of images {path}, found: {error}; a TUM folder has rgb.txt and"
+            " depth.txt with lines 'time file'"
+        ) from error
+    rows = [(number, line.strip()) for number, line in enumerate(lines, 1)]
+    images = [
+        _image_file(path, number, line)
+        for number, line in rows
+        if line and not line.startswith("#")
+    ]
+    if not images:
+        raise CaptureError(f"expected lines 'time file' in {path}, found none")
+    return images
+
+
+def _image_file(path: Path, number: int, line: str) -> ImageFile:
+    stamp, _, name = line.replace(",", " ").replace("\t", " ").partition(" ")
+    try:
+        image = ImageFile(float(stamp), path.parent / name.strip())
+    except ValueError:
+        image = ImageFile(np.nan, path.parent)
+    if not np.isfinite(image.stamp_s) or not name.strip():
+        raise CaptureError(f"expected 'time file' in {path}, line {number}, found '{line}'")
+    return image

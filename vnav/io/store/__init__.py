@@ -1,0 +1,1 @@
+"""The map folder and what the stages keep in it."""

@@ -1,0 +1,228 @@
+"""The arrays that mapping stages leave in the map folder, saved and loaded."""
+
+import json
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from vnav.core.camera import Intrinsics
+from vnav.core.frame import Edge, Features, Frame
+from vnav.core.mapping import (
+    FrameTable,
+    Keyframe,
+    Landmarks,
+    LoopVerdict,
+    Odometry,
+    OptimisedMap,
+    World,
+)
+from vnav.errors import MapError
+from vnav.io.formats.arrays_file import Arrays, load_arrays, save_arrays
+from vnav.io.store.map_folder import MapFolder, to_json, write_text
+
+DEPTH_UNITS_PER_METRE = 5000  # of the keyframes' depth images: 0.2 mm steps up to 13.1 m
+MEND = "build the map anew with 'vnav build-map CAPTURE --fresh'"
+
+
+def map_camera(folder: MapFolder, capture: int = 0) -> Intrinsics:
+    """The undistorted colour camera that the frames of a capture of this map were seen by."""
+    camera = folder.captures[capture]["camera"]
+    return Intrinsics(**(camera | {"distortion": tuple(camera.get("distortion", ()))}))
+
+
+def save_odometry(draft: Path, odometry: Odometry) -> None:
+    """Write frames, edges and keyframes."""
+    frames, before = odometry.frames, odometry.T_world_before
+    save_arrays(
+        draft / "frames.npz",
+        capture=frames.capture,
+        index=frames.index,
+        stamp_s=frames.stamp_s,
+        T_segment_camera=odometry.T_segment_camera,
+        segment=odometry.segment,
+        given=np.array(odometry.given),
+        **({} if before is None else {"T_world_before": before}),
+    )
+    write_text(draft / "lost.json", to_json({r: t for r, t in enumerate(odometry.reasons) if t}))
+    save_arrays(draft / "edges.npz", **edges_to_arrays(odometry.edges))
+    save_arrays(draft / "loose_edges.npz", **edges_to_arrays(odometry.loose_edges))
+    save_arrays(draft / "keyframes.npz", **_keyframes_to_arrays(odometry.keyframes))
+
+
+def load_odometry(folder: MapFolder) -> Odometry:
+    """The result of the odometry stage."""
+    stage = folder.stage("odometry")
+    frames = _load(stage / "frames.npz")
+    lost = _load_json(stage / "lost.json")
+    return Odometry(
+        FrameTable(frames["capture"], frames["index"], frames["stamp_s"]),
+        frames["T_segment_camera"],
+        frames["segment"],
+        tuple(lost.get(str(row), "") for row in range(len(frames["index"]))),
+        edges_from_arrays(_load(stage / "edges.npz")),
+        _keyframes_from_arrays(_load(stage / "keyframes.npz")),
+        bool(frames.get("given", False)),
+        frames.get("T_world_before"),
+        edges_from_arrays(_load(stage / "loose_edges.npz")),
+    )
+
+
+def save_keyframe(draft: Path, row: int, frame: Frame) -> None:
+    """Keep a keyframe's colour (JPEG) and depth (16-bit PNG), undistorted and registered."""
+    depth = np.rint(np.minimum(frame.depth_m * DEPTH_UNITS_PER_METRE, 65535)).astype(np.uint16)
+    color = cv2.cvtColor(np.asarray(frame.color), cv2.COLOR_RGB2BGR)
+    path = draft / "keyframes"
+    path.mkdir(exist_ok=True)
+    _write_image(path / f"{row:06d}.jpg", color, cv2.IMWRITE_JPEG_QUALITY, 92)
+    _write_image(path / f"{row:06d}.png", depth, cv2.IMWRITE_PNG_COMPRESSION, 1)
+
+
+def add_keyframes(draft: Path, added: Path, first_row: int) -> None:
+    """Move the keyframes' images of an odometry of its own into that of which it becomes a part.
+
+    ``first_row``: the row that its first frame gets.
+    """
+    for image in sorted((added / "keyframes").iterdir()):
+        image.rename(draft / "keyframes" / f"{int(image.stem) + first_row:06d}{image.suffix}")
+
+
+def _write_image(path: Path, image: NDArray[Any], *parameters: int) -> None:
+    """Unlike cv2.imwrite, a full disk is an OSError."""
+    _, data = cv2.imencode(path.suffix, image, parameters)
+    path.write_bytes(data.tobytes())
+
+
+def load_keyframe(folder: MapFolder, row: int, frames: FrameTable) -> Frame:
+    """A keyframe's colour and depth by its row in the frame table; MapError where missing."""
+    color = _keyframe_image(folder, row, "jpg", cv2.IMREAD_COLOR_RGB)
+    key = int(frames.capture[row]), int(frames.index[row])
+    depth_m = load_keyframe_depth(folder, row)
+    return Frame(*key, float(frames.stamp_s[row]), color.astype(np.uint8), depth_m)
+
+
+def load_keyframe_depth(folder: MapFolder, row: int) -> NDArray[np.float32]:
+    """A keyframe's depth (H, W) in metres, 0 where there is none; MapError where missing."""
+    depth = _keyframe_image(folder, row, "png", cv2.IMREAD_UNCHANGED)
+    return np.asarray(depth / np.float32(DEPTH_UNITS_PER_METRE))
+
+
+def _keyframe_image(folder: MapFolder, row: int, kind: str, flags: int) -> Any:
+    path = folder.root / "odometry" / "keyframes" / f"{row:06d}.{kind}"
+    image = cv2.imread(str(path), flags)
+    if image is None:
+        raise MapError(
+            f"expected a keyframe's image in {path}, found none that can be read;"
+            " build the map anew with 'vnav build-map CAPTURE --fresh'"
+        )
+    return image
+
+
+def save_loops(
+    draft: Path,
+    verdicts: Iterable[LoopVerdict],
+    edges: Iterable[Edge],
+    matches: NDArray[np.int32],
+) -> None:
+    """Write every verdict, the accepted edges, and the matches (M, 4) that hold them."""
+    save_verdicts(draft, verdicts)
+    save_arrays(draft / "edges.npz", **edges_to_arrays(edges))
+    save_arrays(draft / "matches.npz", matches=matches)
+
+
+def save_verdicts(draft: Path, verdicts: Iterable[LoopVerdict]) -> None:
+    """Write what became of every loop candidate."""
+    write_text(draft / "verdicts.json", to_json([vars(v) for v in verdicts]))
+
+
+def load_loops(folder: MapFolder, stage: str | None = None) -> tuple[LoopVerdict, ...]:
+    """Every loop candidate and what became of it, by the last stage that judged it.
+
+    "loops" judges by matches, "optimise" by the pose graph as well.
+    """
+    stage = stage or ("optimise" if folder.has("optimise") else "loops")
+    text = (folder.stage(stage) / "verdicts.json").read_text("utf-8")
+    return tuple(LoopVerdict(**verdict) for verdict in json.loads(text))
+
+
+def load_loop_edges(folder: MapFolder) -> tuple[tuple[Edge, ...], NDArray[np.int32]]:
+    """Accepted edges between rows of the frame table, and their matches (M, 4).
+
+    A match names keyframe and feature, keyframe and feature.
+    """
+    stage = folder.stage("loops")
+    return edges_from_arrays(_load(stage / "edges.npz")), _load(stage / "matches.npz")["matches"]
+
+
+def save_optimised(draft: Path, result: OptimisedMap) -> None:
+    """Write poses, covariances, landmarks and the world."""
+    save_arrays(
+        draft / "map.npz",
+        T_world_camera=result.T_world_camera,
+        keyframe_covariance=result.keyframe_covariance,
+        **vars(result.landmarks),
+    )
+    write_text(draft / "world.json", to_json(vars(result.world)))
+
+
+def load_optimised(folder: MapFolder) -> OptimisedMap:
+    """The result of the optimise stage."""
+    stage = folder.stage("optimise")
+    arrays = _load(stage / "map.npz")
+    poses, covariance = arrays.pop("T_world_camera"), arrays.pop("keyframe_covariance")
+    world = World(**_load_json(stage / "world.json"))
+    return OptimisedMap(poses, covariance, Landmarks(**arrays), world)
+
+
+def edges_to_arrays(edges: Iterable[Edge]) -> Arrays:
+    """Edges as arrays i, j (E,), T_i_j (E, 4, 4), information (E, 6, 6)."""
+    edges = list(edges)
+    return {
+        "i": np.array([e.i for e in edges], np.int32),
+        "j": np.array([e.j for e in edges], np.int32),
+        "T_i_j": np.array([e.T_i_j for e in edges]).reshape(-1, 4, 4),
+        "information": np.array([e.information for e in edges]).reshape(-1, 6, 6),
+    }
+
+
+def edges_from_arrays(arrays: Arrays) -> tuple[Edge, ...]:
+    """The inverse of `edges_to_arrays`."""
+    columns = (arrays["i"], arrays["j"], arrays["T_i_j"], arrays["information"])
+    return tuple(Edge(int(i), int(j), T, L) for i, j, T, L in zip(*columns, strict=True))
+
+
+def _keyframes_to_arrays(keyframes: Iterable[Keyframe]) -> Arrays:
+    keyframes = list(keyframes)
+    fields = ("keypoints_px", "descriptors", "scores", "scales_px", "angles_rad")
+    arrays = {
+        name: np.concatenate([getattr(k.features, name) for k in keyframes]) for name in fields
+    }
+    return arrays | {
+        "row": np.array([k.row for k in keyframes], np.int32),
+        "count": np.array([len(k.features) for k in keyframes], np.int32),
+        "points_camera": np.concatenate([k.points_camera for k in keyframes]),
+    }
+
+
+def _keyframes_from_arrays(arrays: Arrays) -> tuple[Keyframe, ...]:
+    ends = np.cumsum(arrays["count"])
+    fields = ("keypoints_px", "descriptors", "scores", "scales_px", "angles_rad")
+    keyframes = []
+    for row, begin, end in zip(arrays["row"], ends - arrays["count"], ends, strict=True):
+        features = Features(*(arrays[name][begin:end] for name in fields))
+        keyframes.append(Keyframe(int(row), features, arrays["points_camera"][begin:end]))
+    return tuple(keyframes)
+
+
+def _load(path: Path) -> Arrays:
+    return load_arrays(path, MEND)
+
+
+def _load_json(path: Path) -> Any:
+    try:
+        return json.loads(path.read_text("utf-8"))
+    except (OSError, ValueError) as error:
+        raise MapError(f"expected JSON in {path}, found: {error}; {MEND}") from error

@@ -1,0 +1,116 @@
+"""What a map holds, read from its folder; stages that are missing or stale are left out."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from vnav.core.grid import FREE, OCCUPIED, UNKNOWN
+from vnav.io.formats.grid_files import read_grid
+from vnav.io.store.artifacts import load_loops, load_odometry, load_optimised
+from vnav.io.store.map_folder import STAGES, MapFolder
+
+SIZE = ("width", "height")
+UNJOINED = "no loop joins it to the rest of the map"
+
+
+def overview(folder: MapFolder) -> dict[str, Any]:
+    """Plain values for people and JSON.
+
+    Always there: ``captures`` (id, name, frames, image size), ``stages`` (state "current", "stale"
+    or "missing", size, seconds of the last run), ``size_mb``, ``current`` (the last located pose
+    or None). With odometry: ``frames, tracked, posed, keyframes, lost`` (spans of one capture,
+    with the reason). With loops: ``loops`` (tried, accepted, rejected, and reasons counted). With
+    optimise: ``landmarks, world, path_m``. With fuse: ``grid`` (size, area of each state).
+    """
+    states = {stage: _state(folder, stage) for stage in STAGES}
+    current = {stage for stage, state in states.items() if state == "current"}
+    values: dict[str, Any] = {
+        "map": str(folder.root),
+        "size_mb": _size_mb(folder.root),
+        "stages": {
+            stage: {
+                "state": state,
+                "size_mb": _size_mb(folder.root / stage),
+                "seconds": folder.report(stage).get("seconds"),
+            }
+            for stage, state in states.items()
+        },
+        "captures": [
+            {"id": c["id"], "name": c["name"], "size_px": [c["camera"][k] for k in SIZE]}
+            for c in folder.captures
+        ],
+        "current": folder.current(),
+    }
+    if "odometry" in current:
+        values |= _frames(folder, "optimise" in current)
+    if "loops" in current:
+        values |= _loops(folder)
+    if "fuse" in current:
+        values |= _grid(folder)
+    return values
+
+
+def _state(folder: MapFolder, stage: str) -> str:
+    if folder.has(stage):
+        return "current"
+    return "stale" if (folder.root / stage / "stage.json").is_file() else "missing"
+
+
+def _size_mb(path: Path) -> float:
+    return round(sum(p.stat().st_size for p in path.rglob("*") if p.is_file()) / 1e6, 2)
+
+
+def _frames(folder: MapFolder, is_optimised: bool) -> dict[str, Any]:
+    odometry = load_odometry(folder)
+    reasons = list(odometry.reasons)
+    tracked = reasons.count("")
+    values: dict[str, Any] = {
+        "frames": len(reasons),
+        "tracked": tracked,
+        "keyframes": len(odometry.keyframes),
+    }
+    if is_optimised:
+        result = load_optimised(folder)
+        posed = np.isfinite(result.T_world_camera[:, 0, 3])
+        reasons = [
+            reason or (UNJOINED if not has_pose else "")
+            for reason, has_pose in zip(reasons, posed, strict=True)
+        ]
+        steps = np.linalg.norm(np.diff(result.T_world_camera[posed, :3, 3], axis=0), axis=1)
+        steps = steps[np.diff(odometry.frames.capture[posed]) == 0]
+        values |= {
+            "posed": int(posed.sum()),
+            "path_m": round(float(steps.sum()), 2),
+            "landmarks": len(result.landmarks),
+            "world": vars(result.world),
+        }
+    return values | {"lost": [vars(span) for span in odometry.frames.spans(reasons)]}
+
+
+def _loops(folder: MapFolder) -> dict[str, Any]:
+    verdicts = load_loops(folder)
+    accepted = sum(verdict.accepted for verdict in verdicts)
+    rejected = [verdict.reason for verdict in verdicts if not verdict.accepted]
+    counts = {reason: rejected.count(reason) for reason in sorted(set(rejected))}
+    return {
+        "loops": {
+            "tried": len(verdicts),
+            "accepted": accepted,
+            "rejected": len(rejected),
+            "reasons": counts,
+        }
+    }
+
+
+def _grid(folder: MapFolder) -> dict[str, Any]:
+    grid = read_grid(folder.stage("fuse") / "grid.yaml")
+    rows, columns = grid.cells.shape
+    states = {"free": FREE, "occupied": OCCUPIED, "unknown": UNKNOWN}
+    return {
+        "grid": {
+            "size_m": [round(columns * grid.resolution_m, 3), round(rows * grid.resolution_m, 3)],
+            "resolution_m": grid.resolution_m,
+            "area_m2": {name: round(grid.area_m2(state), 2) for name, state in states.items()},
+        }
+    }

@@ -1,0 +1,1 @@
+"""Pose graph, landmarks, bundle adjustment and the world frame."""

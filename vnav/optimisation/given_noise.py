@@ -1,0 +1,39 @@
+"""How noisy given poses are, as the closures between them show."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from vnav.core import se3
+from vnav.core.arrays import Array
+from vnav.core.frame import Edge
+from vnav.core.robust import robust_sigma
+
+ENOUGH = 10  # closures; fewer tell no noise
+LARGEST = np.array([0.1, 0.3])  # rad, m: poses farther off are not noisy but wrong
+
+
+def noise(T_world_camera: Array, closures: Sequence[Edge]) -> Array:
+    """Standard deviations (6,) of given poses (N, 4, 4), rad and m, as closures show them.
+
+    It is how far two poses stand otherwise to each other than closures say, in the median, which
+    wrong closures do not reach; half of the variance is each pose's. Zero where the closures' own
+    noise explains it, where they are too few, and where poses are too far off to be noisy.
+    """
+    if len(closures) < ENOUGH:
+        return np.zeros(6)
+    scatter, own = _scatter(T_world_camera, closures)
+    if (scatter <= own).all() or (scatter > LARGEST).any():
+        return np.zeros(6)
+    return np.asarray(np.repeat(scatter, 3) / np.sqrt(2))
+
+
+def _scatter(T_world_camera: Array, closures: Sequence[Edge]) -> tuple[Array, Array]:
+    """How far two poses scatter about closures (2,), rad and m, and how far closures do alone."""
+    i, j = np.array([(e.i, e.j) for e in closures]).T
+    T_i_j = se3.inverse(T_world_camera[i]) @ T_world_camera[j]
+    error = se3.inverse(np.stack([e.T_i_j for e in closures])) @ T_i_j
+    off = np.stack([se3.log_so3(error[:, :3, :3]), error[:, :3, 3]], 1)
+    covariance = np.linalg.inv(np.stack([e.information for e in closures]))
+    variance = np.diagonal(covariance, axis1=1, axis2=2).reshape(-1, 2, 3)
+    return robust_sigma(off, axis=(0, 2)), np.sqrt(np.median(variance, axis=(0, 2)))

@@ -1,0 +1,1 @@
+"""The chains of stages: building a map, extending one, locating many photos."""

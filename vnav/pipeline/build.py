@@ -1,0 +1,104 @@
+"""From a capture to a finished map: claim 3, every stage in its turn."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from importlib import import_module
+from pathlib import Path
+
+from vnav.checking.capture_report import require_usable
+from vnav.config import Config
+from vnav.core.progress import Progress, silent
+from vnav.core.report import Report
+from vnav.core.trajectory import Trajectory
+from vnav.errors import MapError
+from vnav.io.formats.trajectories import read_tum
+from vnav.io.sources.capture import Capture, open_capture
+from vnav.io.store.map_folder import STAGES, MapFolder
+from vnav.io.store.stage_reports import clock, finished, peak_memory_mb
+
+
+@dataclass(frozen=True)
+class BuildTask:
+    """A capture and the map to make of it; for the rest see `vnav build-map`."""
+
+    capture: Path
+    map_dir: Path
+    config: Config
+    camera: Path | None = None
+    trajectory: Path | None = None
+    fresh: bool = False
+    force: bool = False
+
+    @property
+    def name(self) -> str:
+        """Name of the capture's folder."""
+        return self.capture.resolve().name
+
+
+@dataclass(frozen=True)
+class BuiltMap:
+    """A finished map: what is doubtful about its capture, and the reports of its stages."""
+
+    warnings: tuple[str, ...]
+    reports: list[Report]
+
+
+def build(task: BuildTask, progress: Progress = silent) -> BuiltMap:
+    """Make the map of one capture; VnavError where there is none to be made."""
+    capture = open_capture(task.capture, task.config.capture, task.camera)
+    given = read_tum(task.trajectory) if task.trajectory else None
+    checked = require_usable(capture, force=task.force, progress=progress)
+    folder = MapFolder.create(task.map_dir, task.fresh)
+    reports = build_map(folder, capture, task.config, given=given, progress=progress)
+    return BuiltMap(checked.warnings, reports)
+
+
+def build_map(
+    folder: MapFolder,
+    capture: Capture,
+    config: Config,
+    *,
+    given: Trajectory | None = None,
+    progress: Progress = silent,
+) -> list[Report]:
+    """Run every stage that is not up to date; their reports in order, that of the whole run last.
+
+    With ``given`` poses, the map is made at these.
+    MapError where the map was made of others.
+    """
+    started = clock()
+    expect_capture(folder, capture)
+    from vnav.stages import odometry
+
+    tracked = odometry.run(folder, capture, config, given=given, progress=progress)
+    reports = [tracked, *run_stages(folder, STAGES[1:], config, progress)]
+    return [*reports, finished(folder, whole(folder), started)]
+
+
+def run_stages(
+    folder: MapFolder, stages: Sequence[str], config: Config, progress: Progress = silent
+) -> list[Report]:
+    """Run those of some stages after odometry that are not up to date; their reports in order."""
+    modules = [import_module(f"vnav.stages.{stage}") for stage in stages]
+    return [module.run(folder, config, progress=progress) for module in modules]
+
+
+def expect_capture(folder: MapFolder, capture: Capture) -> None:
+    """MapError where a map exists and was made of a capture of another name, or of several."""
+    made_of = [mapped["name"] for mapped in folder.captures]
+    if made_of and made_of != [capture.name]:
+        raise MapError(
+            f"expected {', '.join(made_of)}, of which the map {folder.root} was made, found"
+            f" {capture.name}; name another folder with --map, add a capture with 'vnav extend"
+            f" {folder.root} CAPTURE', or start anew with --fresh"
+        )
+
+
+def whole(folder: MapFolder) -> Report:
+    """Size of the map and memory that it took."""
+    files = [path for path in folder.root.rglob("*") if path.is_file()]
+    size_mb = sum(path.stat().st_size for path in files) / 1e6
+    memory_mb = peak_memory_mb()
+    values = {"map_mb": round(size_mb, 1), "peak_memory_mb": round(memory_mb)}
+    lines = (f"{size_mb:.0f} MB on disk, peak memory {memory_mb:.0f} MB",)
+    return Report("map", values, lines)

@@ -1,0 +1,156 @@
+"""A second capture of the same place, joined to a map: located, tracked, optimised together."""
+
+import dataclasses
+import shutil
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from vnav.checking.capture_report import require_usable
+from vnav.config import Config, updated
+from vnav.core.arrays import Array
+from vnav.core.frame import Edge
+from vnav.core.mapping import LOST, FrameTable, Odometry
+from vnav.core.progress import Progress, silent
+from vnav.core.report import Report
+from vnav.errors import CaptureError, ConfigError, MapError
+from vnav.io.sources.capture import Capture
+from vnav.io.store.artifacts import (
+    add_keyframes,
+    load_odometry,
+    load_optimised,
+    map_camera,
+    save_odometry,
+)
+from vnav.io.store.map_folder import STAGES, MapFolder
+from vnav.io.store.replacement import replacing
+from vnav.io.store.stage_reports import clock, finished, reused, settings_of
+from vnav.pipeline.build import BuiltMap, run_stages, whole
+from vnav.pipeline.joined import joined, require_joined, require_seen, told
+from vnav.pipeline.recognise import recognise
+from vnav.stages.odometry import described, report, track
+
+
+def extend(
+    folder: MapFolder,
+    capture: Capture,
+    config: Config,
+    *,
+    force: bool = False,
+    progress: Progress = silent,
+) -> BuiltMap:
+    """Join a capture to a finished map, which stays as it is until that is done.
+
+    What was mapped before is not tracked again; loops, poses and all that follows are those of all
+    captures together, in the world that the map had. CaptureError where the capture does not show
+    the place of the map, or its loops disagree with where its keyframes were located.
+    """
+    started = clock()
+    entry = described(len(folder.captures), capture)
+    _require_fit(folder, entry, config)
+    checked = require_usable(capture, force=force, progress=progress)
+    with replacing(folder) as draft:
+        draft.set_captures([*folder.captures, entry])
+        tracked = _track(folder, draft, capture, config, progress)
+        both = load_odometry(draft)
+        seen = recognise(folder, both, map_camera(draft, -1), config, progress)
+        require_seen(seen, capture.name, folder)
+        posed = run_stages(draft, ("vocabulary", "loops", "optimise"), config, progress)
+        found = joined(draft, both, seen)
+        require_joined(found, capture.name, folder)
+        reports = [tracked, *posed, *run_stages(draft, ("fuse", "index"), config, progress)]
+        current = folder.current()
+        if current is not None:  # its world is kept
+            draft.write_current(current)
+        reports.append(finished(draft, told(found, whole(draft)), started))
+    return BuiltMap(checked.warnings, reports)
+
+
+def made_with(folder: MapFolder) -> Config:
+    """The settings that a map was made with, but how its captures were read.
+
+    StaleArtifact or MapError where the map is not finished, or of another version.
+    """
+    folder.require_finished()
+    recorded = (item for stage in STAGES for item in folder.settings(stage).items())
+    sections = {field.name for field in dataclasses.fields(Config)} - {"capture"}
+    changes = {name: value for name, value in recorded if name in sections}
+    return updated(Config(), changes, f"the stages of {folder.root}")
+
+
+def _require_fit(folder: MapFolder, entry: dict[str, Any], config: Config) -> None:
+    """MapError, ConfigError or CaptureError where the capture cannot be joined to such a map."""
+    made = made_with(folder)
+    if load_odometry(folder).given:
+        raise MapError(
+            f"expected a map whose poses vnav tracked, found one built on given poses in"
+            f" {folder.root}; map its capture without --trajectory, and extend that"
+        )
+    if config.features != made.features:
+        raise ConfigError(
+            f"expected the features that {folder.root} was made with, found other settings of"
+            " [features]; features of two kinds cannot be matched"
+        )
+    for mapped in folder.captures:
+        if mapped["fingerprint"] == entry["fingerprint"]:
+            raise CaptureError(
+                f"expected a capture that is not in {folder.root} yet, found {entry['name']}, which"
+                f" is its capture {mapped['id']}; give another"
+            )
+
+
+def _track(
+    folder: MapFolder, draft: MapFolder, capture: Capture, config: Config, progress: Progress
+) -> Report:
+    """The odometry stage of the extended map: that of the old one, and of the new capture."""
+    started = clock()
+    settings = settings_of(config, "capture", "features", "registration", "odometry")
+    inputs = {f"capture_{c['id']}": c["fingerprint"] for c in draft.captures}
+    before = folder.inputs_of("odometry", "optimise")
+    inputs |= {f"{stage}_before": digest for stage, digest in before.items()}
+    if draft.is_current("odometry", settings, inputs):
+        return reused(draft, "odometry")
+    with draft.writing("odometry", settings, inputs) as path:
+        both = _appended(folder, path, capture, config, progress)
+        save_odometry(path, both)
+    return finished(draft, report(both), started)
+
+
+def _appended(
+    folder: MapFolder, path: Path, capture: Capture, config: Config, progress: Progress
+) -> Odometry:
+    """The odometry of both, its keyframes' images in the folder ``path``."""
+    old, T_world_camera = load_odometry(folder), load_optimised(folder).T_world_camera
+    added = path / "added"
+    added.mkdir()
+    new = track(capture, config, added, progress)
+    shutil.copytree(folder.stage("odometry") / "keyframes", path / "keyframes")
+    add_keyframes(path, added, len(old.frames))
+    shutil.rmtree(added)
+    return append(old, new, T_world_camera)
+
+
+def append(old: Odometry, new: Odometry, T_world_camera: Array) -> Odometry:
+    """Two odometries as one, which nothing joins yet; ``T_world_camera`` (N, 4, 4): the old's."""
+    rows, segments = len(old.frames), int(old.segment.max()) + 1
+    captures = int(old.frames.capture[-1]) + 1
+    nowhere = np.full((len(new.frames), 4, 4), np.nan)
+    return Odometry(
+        FrameTable(
+            np.concatenate([old.frames.capture, new.frames.capture + captures]),
+            np.concatenate([old.frames.index, new.frames.index]),
+            np.concatenate([old.frames.stamp_s, new.frames.stamp_s]),
+        ),
+        np.concatenate([old.T_segment_camera, new.T_segment_camera]),
+        np.append(old.segment, np.where(new.segment == LOST, LOST, new.segment + segments)),
+        old.reasons + new.reasons,
+        old.edges + tuple(_moved(edge, rows) for edge in new.edges),
+        old.keyframes + tuple(dataclasses.replace(k, row=k.row + rows) for k in new.keyframes),
+        T_world_before=np.concatenate([T_world_camera, nowhere]),
+        loose_edges=old.loose_edges + tuple(_moved(edge, rows) for edge in new.loose_edges),
+    )
+
+
+def _moved(edge: Edge, rows: int) -> Edge:
+    return Edge(edge.i + rows, edge.j + rows, edge.T_i_j, edge.information)

@@ -1,0 +1,52 @@
+"""What pictures of a map from above share: axes in metres, the grid, a legend."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from matplotlib.artist import Artist
+from matplotlib.axes import Axes
+from matplotlib.colors import to_rgb
+from matplotlib.figure import Figure
+
+from vnav.core.arrays import Array
+from vnav.core.grid import FREE, OCCUPIED, UNKNOWN, Grid
+
+COLORS = {FREE: "#ffffff", OCCUPIED: "#263238", UNKNOWN: "#d6dade"}
+Extent = tuple[float, float, float, float]  # left, right, bottom, top in metres
+
+
+def map_figure(extent: Extent, title: str, longest_in: float = 10.0) -> tuple[Figure, Axes]:
+    """A figure in the map's proportions, axes in metres, with a scale bar.
+
+    ``longest_in``: the longer side in inches; the smaller it is, the larger is the text beside it.
+    """
+    width, height = extent[1] - extent[0], extent[3] - extent[2]
+    inches = longest_in / max(width, height)
+    size = (max(width * inches, longest_in / 2) + 0.8, max(height * inches, longest_in / 5) + 1.3)
+    figure = Figure(size, dpi=150, layout="constrained")
+    axes = figure.add_subplot(title=title, xlabel="x / m", ylabel="y / m", aspect="equal")
+    axes.set(xlim=extent[:2], ylim=extent[2:])
+    axes.spines[["top", "right"]].set_visible(False)
+    bar_m = next(length for length in (5, 2, 1, 0.5, 0.2) if length < width / 4 or length == 0.2)
+    right, above = extent[1], axes.get_xaxis_transform()
+    bar = [right - bar_m, right]
+    axes.plot(bar, [1.02, 1.02], "k|-", ms=6, lw=1.5, transform=above, clip_on=False)
+    axes.text(right - bar_m / 2, 1.03, f"{bar_m:g} m", ha="center", transform=above)
+    return figure, axes
+
+
+def grid_image(grid: Grid) -> Array:
+    """The grid as RGB (rows, columns, 3), the first row at the bottom."""
+    palette = np.array([to_rgb(COLORS[state]) for state in (FREE, OCCUPIED, UNKNOWN)])
+    return np.asarray(palette[grid.cells])
+
+
+def extent_of(grid: Grid) -> Extent:
+    """Where the edges of a grid lie in the world."""
+    (x, y), (rows, columns) = grid.origin, grid.cells.shape
+    return x, x + columns * grid.resolution_m, y, y + rows * grid.resolution_m
+
+
+def legend(figure: Figure, entries: Sequence[Artist]) -> None:
+    """A legend below the axes."""
+    figure.legend(handles=entries, loc="outside lower center", ncols=3, frameon=False)

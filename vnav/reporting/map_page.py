@@ -1,0 +1,130 @@
+"""One self-contained page about a map: numbers, pictures, warnings, loops and lost spans."""
+
+from collections.abc import Sequence
+from html import escape
+from pathlib import Path
+from typing import Any
+
+from vnav import __version__
+from vnav.core.mapping import LoopVerdict
+from vnav.errors import MapError
+from vnav.io.store.artifacts import load_loops
+from vnav.io.store.map_folder import STAGES, MapFolder, to_json, write_text
+from vnav.io.store.overview import overview
+from vnav.reporting import html
+from vnav.reporting import map_pictures as pictures
+
+
+def write(folder: MapFolder) -> Path:
+    """Write reports/report.html, pictures inlined, nothing loaded from elsewhere.
+
+    Missing stages are named as such. MapError where the map cannot be written.
+    """
+    path = folder.root / "reports" / "report.html"
+    try:
+        path.parent.mkdir(exist_ok=True)
+        write_text(path, page(folder))
+    except OSError as error:
+        raise MapError(
+            f"expected to write {path}, found: {error.strerror}; give write permission"
+        ) from error
+    return path
+
+
+def page(folder: MapFolder) -> str:
+    """The page as HTML; draws the map's pictures anew."""
+    values = overview(folder)
+    reports = {stage: folder.report(stage) for stage in (*STAGES, "map")}
+    title = _title(values)
+    parts = [
+        f"<h1>{escape(title)}</h1>\n<small>{escape(values['map'])}, vnav {__version__}</small>",
+        _tiles(values),
+        _warnings(reports),
+        _pictures(folder, values),
+        _stages(values, reports),
+        _lost(values),
+        _loops(values, load_loops(folder) if "loops" in values else ()),
+        "<h2>All numbers</h2>",
+        *(html.details(name, to_json(report)) for name, report in reports.items() if report),
+    ]
+    return html.document(title, "\n".join(parts))
+
+
+def _title(values: dict[str, Any]) -> str:
+    names = ", ".join(capture["name"] for capture in values["captures"])
+    return f"Map of {names}" if names else "A map without captures"
+
+
+def _tiles(values: dict[str, Any]) -> str:
+    tiles = {}
+    if "frames" in values:
+        tiles["frames tracked"] = f"{values['tracked']} of {values['frames']}"
+        tiles["keyframes"] = values["keyframes"]
+    if "loops" in values:
+        tiles["loops accepted"] = f"{values['loops']['accepted']} of {values['loops']['tried']}"
+    if "landmarks" in values:
+        tiles["landmarks"] = values["landmarks"]
+        tiles["path"] = f"{values['path_m']:.1f} m"
+    if "grid" in values:
+        tiles["free floor"] = f"{values['grid']['area_m2']['free']:.1f} m²"
+    tiles["on disk"] = f"{values['size_mb']:.0f} MB"
+    return html.tiles(tiles)
+
+
+def _warnings(reports: dict[str, dict[str, Any]]) -> str:
+    found = [
+        (name, text) for name, report in reports.items() for text in report.get("warnings", ())
+    ]
+    return "\n".join(html.warning(name, text) for name, text in found)
+
+
+def _pictures(folder: MapFolder, values: dict[str, Any]) -> str:
+    if "grid" not in values:
+        return "<p>No pictures: the map is not fused yet.</p>"
+    images = [path.read_bytes() for path in pictures.draw(folder)]
+    return "\n".join(map(html.picture, pictures.NAMES, images))
+
+
+def _stages(values: dict[str, Any], reports: dict[str, dict[str, Any]]) -> str:
+    rows = []
+    for name, stage in values["stages"].items():
+        lines = "<br>".join(escape(line) for line in reports[name].get("lines", ()))
+        seconds = "" if stage["seconds"] is None else f"{stage['seconds']:.1f} s"
+        state = f'<span class="{stage["state"]}">{stage["state"]}</span>'
+        rows.append((name, state, lines, seconds, f"{stage['size_mb']:.1f} MB"))
+    whole = "; ".join(escape(line) for line in reports["map"].get("lines", ()))
+    table = html.table(("stage", "state", "", "time", "size"), rows)
+    return f"<h2>Stages</h2>\n{table}\n<p>{whole}</p>"
+
+
+def _lost(values: dict[str, Any]) -> str:
+    if not values.get("lost"):
+        return ""
+    rows = [
+        (span["capture"], f"{span['first']} to {span['last']}", escape(span["reason"]))
+        for span in values["lost"]
+    ]
+    return "<h2>Frames without a pose</h2>\n" + html.table(("capture", "frames", "reason"), rows)
+
+
+def _loops(values: dict[str, Any], verdicts: Sequence[LoopVerdict]) -> str:
+    if "loops" not in values:
+        return ""
+    loops = values["loops"]
+    counts = [("accepted", loops["accepted"])] + [
+        (f"rejected: {escape(reason)}", count) for reason, count in loops["reasons"].items()
+    ]
+    head = ("keyframes", "found by", "score", "matches", "inliers", "verdict")
+    table = html.table(head, (_verdict(v) for v in verdicts))
+    return (
+        f"<h2>Loops</h2>\n<p>{loops['tried']} candidates tried.</p>\n"
+        + html.table(("verdict", "candidates"), counts)
+        + f"<details><summary>Every candidate</summary>{table}</details>"
+    )
+
+
+def _verdict(v: LoopVerdict) -> tuple[object, ...]:
+    state = "accepted" if v.accepted else "rejected"
+    text = state if v.accepted else f"rejected: {escape(v.reason)}"
+    verdict = f'<span class="{state}">{text}</span>'
+    return f"{v.i}, {v.j}", escape(v.source), f"{v.score:.3f}", v.matches, v.inliers, verdict

@@ -1,0 +1,127 @@
+"""Pictures of a map from above, in its reports/: trajectory, grid and cloud."""
+
+from pathlib import Path
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.collections import LineCollection
+from matplotlib.colors import to_rgba
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
+
+from vnav.core.arrays import Array
+from vnav.core.grid import FREE, OCCUPIED, UNKNOWN, Grid
+from vnav.core.mapping import LoopVerdict, Odometry
+from vnav.core.point_cloud import PointCloud
+from vnav.io.formats.grid_files import read_grid
+from vnav.io.formats.ply import read_cloud
+from vnav.io.store.artifacts import load_loops, load_odometry, load_optimised
+from vnav.io.store.map_folder import MapFolder
+from vnav.reporting.figures import COLORS, extent_of, grid_image, legend, map_figure
+from vnav.volumes.top_view import seen_from_above
+
+NAMES = ("trajectory", "grid", "cloud")
+FADED = 0.35  # the grid under the trajectory
+MARGIN_M = 0.3  # about the path
+CUT_M = 2.0  # the cloud is drawn up to this height: ceilings would hide the rooms
+PIXEL_M = 0.02  # of the cloud's picture
+LONGEST_PX = 1500  # its longest side; larger maps get larger pixels
+
+
+def draw(folder: MapFolder) -> tuple[Path, ...]:
+    """Draw all pictures of a map whose stages up to fuse are finished; returns the files."""
+    grid = read_grid(folder.stage("fuse") / "grid.yaml")
+    odometry, poses = load_odometry(folder), load_optimised(folder).T_world_camera
+    figures = (
+        trajectory_figure(grid, odometry, poses, load_loops(folder)),
+        grid_figure(grid),
+        cloud_figure(read_cloud(folder.stage("fuse") / "cloud.ply")),
+    )
+    paths = tuple(folder.root / "reports" / f"{name}.png" for name in NAMES)
+    paths[0].parent.mkdir(exist_ok=True)
+    for figure, path in zip(figures, paths, strict=True):
+        figure.savefig(path, bbox_inches="tight")
+    return paths
+
+
+def trajectory_figure(
+    grid: Grid, odometry: Odometry, T_world_camera: Array, loops: tuple[LoopVerdict, ...]
+) -> Figure:
+    """The camera's path on the faded grid: accepted loops, and gaps where frames have no pose."""
+    path = T_world_camera[:, :2, 3]
+    left, right, bottom, top = extent_of(grid)
+    (x_min, y_min), (x_max, y_max) = np.nanmin(path, 0) - MARGIN_M, np.nanmax(path, 0) + MARGIN_M
+    shown = min(left, x_min), max(right, x_max), min(bottom, y_min), max(top, y_max)
+    figure, axes = map_figure(shown, "Trajectory")
+    axes.set_facecolor(to_rgba(COLORS[UNKNOWN], FADED))
+    axes.imshow(grid_image(grid), origin="lower", extent=extent_of(grid), alpha=FADED)
+    axes.set(xlim=shown[:2], ylim=shown[2:])
+    for capture in np.unique(odometry.frames.capture):
+        _draw_path(axes, path[odometry.frames.capture == capture])
+    rows = [keyframe.row for keyframe in odometry.keyframes]
+    ends = np.array([[rows[v.i], rows[v.j]] for v in loops if v.accepted], int).reshape(-1, 2)
+    axes.add_collection(LineCollection(list(path[ends]), colors="#8e24aa", lw=0.5, alpha=0.3))
+    axes.plot(*path[rows].T, ".", color="#0d47a1", ms=3)
+    entries = [
+        Line2D([], [], color="#1e88e5", lw=2, label="camera, frame by frame"),
+        Line2D([], [], color="#0d47a1", ls="", marker=".", label=f"keyframes ({len(rows)})"),
+        Line2D([], [], color="#8e24aa", lw=1, label=f"accepted loops ({len(ends)})"),
+        Line2D([], [], color="#2e7d32", ls="", marker="o", label="start"),
+        Line2D([], [], color="#e65100", ls="", marker="s", label="end"),
+    ]
+    missing = ~np.isfinite(path[:, 0])
+    if missing.any():
+        label = f"frames without a pose ({missing.sum()})"
+        entries.append(Line2D([], [], color="#e53935", lw=2, ls=":", label=label))
+    legend(figure, entries)
+    return figure
+
+
+def grid_figure(grid: Grid) -> Figure:
+    """The grid, with the area of each state."""
+    figure, axes = map_figure(extent_of(grid), "Grid")
+    axes.imshow(grid_image(grid), origin="lower", extent=extent_of(grid), interpolation="nearest")
+    names = {FREE: "free", OCCUPIED: "occupied", UNKNOWN: "unknown"}
+    legend(
+        figure,
+        [
+            Patch(
+                facecolor=COLORS[state],
+                edgecolor="#90a4ae",
+                label=f"{name}, {grid.area_m2(state):.1f} m²",
+            )
+            for state, name in names.items()
+        ],
+    )
+    return figure
+
+
+def cloud_figure(cloud: PointCloud) -> Figure:
+    """The cloud seen from above, shaded by height; empty axes where nothing is low enough."""
+    low = cloud.points_world[:, 2] < CUT_M
+    shown = PointCloud(cloud.points_world[low], cloud.colors[low])
+    title = f"Cloud, up to {CUT_M:g} m above the floor"
+    if not len(shown):
+        return map_figure((0, 1, 0, 1), title)[0]
+    corner = shown.points_world[:, :2].min(0)
+    size_m = shown.points_world[:, :2].max(0) - corner
+    pixel_m = max(PIXEL_M, float(size_m.max()) / LONGEST_PX)
+    image = seen_from_above(shown, pixel_m)
+    x, y = (float(c) for c in corner)
+    extent = (x, x + image.shape[1] * pixel_m, y, y + image.shape[0] * pixel_m)
+    figure, axes = map_figure(extent, title)
+    axes.imshow(image, origin="lower", extent=extent)
+    return figure
+
+
+def _draw_path(axes: Axes, path_xy: Array) -> None:
+    """One capture's path (N, 2): NaN where a frame has no pose, which the dotted lines bridge."""
+    axes.plot(*path_xy.T, color="#1e88e5", lw=1.8, solid_capstyle="round")
+    known = np.flatnonzero(np.isfinite(path_xy[:, 0]))
+    for before, after in zip(known[:-1], known[1:], strict=True):
+        if after > before + 1:
+            axes.plot(*path_xy[[before, after]].T, color="#e53935", lw=1.8, ls=":")
+    if len(known):
+        axes.plot(*path_xy[known[0]], "o", color="#2e7d32", ms=7, zorder=5)
+        axes.plot(*path_xy[known[-1]], "s", color="#e65100", ms=6, zorder=5)

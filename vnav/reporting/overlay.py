@@ -1,0 +1,93 @@
+"""A photo with what was found in it drawn over it, and the map from above beside it."""
+
+from pathlib import Path
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from vnav.core.voxels import Voxels
+from vnav.errors import VnavError
+from vnav.io.photos.photos import read_photo
+from vnav.localisation.answer import PhotoAnswer, summary
+from vnav.localisation.atlas import Atlas
+from vnav.localisation.guided import predict
+from vnav.localisation.hypotheses import Hypothesis
+from vnav.reporting.inset import GREEN, RED, Inset
+
+YELLOW, BLUE = (0, 220, 255), (255, 150, 60)  # BGR
+MOST_PLACES = 8  # drawn of a photo that was not located
+
+
+def draw(answer: PhotoAnswer, atlas: Atlas, path: Path) -> None:
+    """Write a picture: blue what the map predicts, green the inliers, yellow how far they are off.
+
+    Beside it the map from above: the camera in green, with its uncertainty. A photo that was not
+    located shows its features, and the places it may have been taken at, in red. VnavError where
+    the picture cannot be written.
+    """
+    canvas = _seen(answer)
+    if answer.best is not None:
+        _draw_pose(canvas, answer, answer.best, atlas)
+    else:
+        for x, y in answer.photo.features.keypoints_px:
+            cv2.circle(canvas, (round(x), round(y)), 2, RED, -1, cv2.LINE_AA)
+    canvas = _beside(canvas, answer, atlas.index.voxels)
+    _draw_title(canvas, summary(answer).removeprefix(f"{answer.path}: "))
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        written = cv2.imwrite(str(path), canvas)
+    except (OSError, cv2.error):
+        written = False
+    if not written:
+        raise VnavError(f"expected to write a picture to {path}, could not; name a .jpg or .png")
+
+
+def _seen(answer: PhotoAnswer) -> NDArray[np.uint8]:
+    """The photo (H, W, 3), BGR, as its features were searched: scaled and undistorted."""
+    image = cv2.cvtColor(read_photo(answer.path), cv2.COLOR_RGB2BGR)
+    size, k = answer.photo.intrinsics.size, answer.camera.intrinsics
+    if image.shape[1::-1] != size:
+        image = cv2.resize(image, size, interpolation=cv2.INTER_AREA)
+    if k.distortion:
+        image = cv2.undistort(image, k.scaled(*size).K, np.array(k.distortion))
+    return np.asarray(image, np.uint8)
+
+
+def _draw_pose(
+    canvas: NDArray[np.uint8], answer: PhotoAnswer, best: Hypothesis, atlas: Atlas
+) -> None:
+    for x, y in predict(best.view, atlas).px:
+        cv2.circle(canvas, (round(x), round(y)), 1, BLUE, -1, cv2.LINE_AA)
+    features = answer.photo.features.keypoints_px[best.matches.feature]
+    landmarks, _ = best.view.project(atlas.index.points_world[best.matches.landmark])
+    for feature, landmark in zip(features, landmarks, strict=True):
+        place = round(feature[0]), round(feature[1])
+        cv2.line(canvas, place, (round(landmark[0]), round(landmark[1])), YELLOW, 1, cv2.LINE_AA)
+        cv2.circle(canvas, place, 3, GREEN, 1, cv2.LINE_AA)
+
+
+def _beside(canvas: NDArray[np.uint8], answer: PhotoAnswer, voxels: Voxels) -> NDArray[np.uint8]:
+    """The photo and, where the map knows of anything that stands, the map (H, W + map, 3)."""
+    if not voxels.solid.any():
+        return canvas
+    inset = Inset(voxels, len(canvas))
+    if answer.best is not None and answer.sigmas is not None:
+        inset.draw_uncertainty(answer.best, answer.sigmas)
+        inset.draw(answer.best, GREEN)
+    else:
+        for hypothesis in answer.result.hypotheses[:MOST_PLACES]:
+            inset.draw(hypothesis, RED)
+    return np.concatenate([canvas, inset.image], 1)
+
+
+def _draw_title(canvas: NDArray[np.uint8], text: str) -> None:
+    """White on black at the top, as wide as the picture allows."""
+    width = canvas.shape[1]
+    (wanted, _), _ = cv2.getTextSize(text, cv2.FONT_HERSHEY_SIMPLEX, 1.0, 1)
+    scale = min(0.6, (width - 16) / max(wanted, 1))
+    cv2.rectangle(canvas, (0, 0), (width, 24), (0, 0, 0), -1)
+    place = (8, 17)
+    cv2.putText(
+        canvas, text, place, cv2.FONT_HERSHEY_SIMPLEX, scale, (255, 255, 255), 1, cv2.LINE_AA
+    )

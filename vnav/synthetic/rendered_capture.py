@@ -1,0 +1,221 @@
+"""Writing a scene as a capture: TUM folder, exact truth, photos by a second camera."""
+
+import hashlib
+import os
+import tempfile
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from importlib import resources
+from pathlib import Path
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from vnav.core import se3
+from vnav.core.camera import Intrinsics
+from vnav.core.grid import FREE
+from vnav.core.progress import Progress, silent
+from vnav.errors import CaptureError
+from vnav.io.formats.grid_files import write_grid
+from vnav.synthetic.path import look, walk
+from vnav.synthetic.scene import Scene
+from vnav.synthetic.scenes import SCENES
+from vnav.synthetic.sensor import Sensor, gains, measured_color, measured_depth
+
+UNITS_PER_METRE = 5000
+FIRST_STAMP_S = 1000.0
+DEPTH_LAG_S = 0.004  # the depth camera exposes a little later; what it sees is written as of now
+GRID_M = 0.05
+OBSTACLES_M = 0.10, 1.40  # what stands between these heights is in the way
+PHOTO_CLEARANCE_M = 0.4
+NEAREST_VIEW_M = 1.5  # median depth of a photo is no less
+
+
+@dataclass(frozen=True)
+class CaptureSpec:
+    """What to record: a scene's name, how many frames and photos, by which cameras."""
+
+    scene: str
+    frames: int
+    photos: int
+    camera: Intrinsics
+    photo_camera: Intrinsics
+    rate_hz: float = 10.0
+    height_m: float = 1.3
+    pitch_deg: float = -18.0
+    seed: int = 0
+    sensor: Sensor = Sensor()
+    name: str = "capture"  # of its folder in the cache
+
+
+KINECT = Intrinsics(640, 480, 525.0, 525.0, 319.5, 239.5)
+PHONE = Intrinsics(800, 600, 655.0, 655.0, 403.2, 297.4)
+DEMO = CaptureSpec("apartment", 200, 12, KINECT, PHONE, name="apartment")
+MINIATURE = CaptureSpec(
+    "one_room",
+    60,
+    4,
+    KINECT.scaled(320, 240),
+    PHONE,
+    rate_hz=5.0,
+    height_m=1.1,
+    pitch_deg=-20.0,
+    name="miniature",
+)
+
+
+def cached_capture(
+    spec: CaptureSpec, cache: Path | None = None, progress: Progress = silent
+) -> Path:
+    """Folder of the capture, written if this specification was not yet written by this code.
+
+    ``cache`` is ``$XDG_CACHE_HOME/vnav`` (``~/.cache/vnav``) unless given; CaptureError where it
+    cannot be written.
+    """
+    cache = cache or Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "vnav"
+    folder = cache / _fingerprint(spec) / spec.name
+    if folder.is_dir():
+        return folder
+    try:
+        cache.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryDirectory(dir=cache) as draft:
+            write_capture(Path(draft) / "whole" / spec.name, spec, progress)
+            (Path(draft) / "whole").rename(folder.parent)
+    except OSError as error:
+        raise CaptureError(
+            f"expected to write a rendered capture to {cache}, found: {error.strerror}; name a"
+            " writable folder with XDG_CACHE_HOME"
+        ) from error
+    return folder
+
+
+def write_capture(folder: Path, spec: CaptureSpec, progress: Progress = silent) -> None:
+    """Write rgb/, depth/, their lists, camera.toml, groundtruth.txt and photos/ into a folder.
+
+    The layout is that of the TUM RGB-D benchmark; poses are of the colour camera in a world with
+    z up and the floor at z = 0; photos/ holds its own camera.toml and groundtruth.txt, truth/ a
+    grid of what really stands in a robot's way.
+    """
+    scene = SCENES[spec.scene](spec.seed)
+    _write_frames(folder, scene, spec, progress)
+    _write_photos(folder / "photos", scene, spec, progress)
+    (folder / "truth").mkdir()
+    write_grid(folder / "truth", scene.grid(GRID_M, *OBSTACLES_M))
+
+
+def camera_poses(scene: Scene, spec: CaptureSpec) -> NDArray[np.float64]:
+    """T_world_camera (frames, 4, 4) along the scene's tour."""
+    tour = np.array(scene.tour)
+    return walk(tour, spec.frames, spec.height_m, spec.pitch_deg, _rng(spec, 0))
+
+
+def photo_poses(scene: Scene, spec: CaptureSpec) -> NDArray[np.float64]:
+    """T_world_camera (photos, 4, 4): places off the path that see what was seen from the path."""
+    rng = _rng(spec, 1)
+    T_path = camera_poses(scene, spec)
+    obstacles = scene.grid(GRID_M, *OBSTACLES_M)
+    poses: list[NDArray[np.float64]] = []
+    while len(poses) < spec.photos:
+        near = T_path[int((len(poses) + rng.random()) / spec.photos * spec.frames)]
+        position = near[:3, 3] + rng.uniform([-0.5, -0.5, -0.3], [0.5, 0.5, 0.3])
+        yaw = np.arctan2(near[1, 2], near[0, 2]) + rng.uniform(-0.5, 0.5)
+        pitch, roll = np.deg2rad(rng.uniform([-20, -4], [2, 4]))
+        T = look(position, np.asarray(yaw), np.asarray(pitch), np.asarray(roll))
+        ring = np.linspace(0, 2 * np.pi, 16, endpoint=False)
+        around = position[:2] + PHOTO_CLEARANCE_M * np.stack([np.cos(ring), np.sin(ring)], 1)
+        row, column = obstacles.cells_at(around).T
+        clear = bool((obstacles.cells[row, column] == FREE).all())
+        if clear and np.median(scene.render_depth(spec.photo_camera, T)) > NEAREST_VIEW_M:
+            poses.append(T)
+    return np.array(poses)
+
+
+def _write_frames(folder: Path, scene: Scene, spec: CaptureSpec, progress: Progress) -> None:
+    T_world_camera = camera_poses(scene, spec)
+    for name in ("rgb", "depth"):
+        (folder / name).mkdir(parents=True)
+    stamps_s = FIRST_STAMP_S + np.arange(spec.frames) / spec.rate_hz
+    gain = gains(stamps_s, spec.sensor, _rng(spec, 2))
+    color_names = [f"rgb/{stamp:.6f}.jpg" for stamp in stamps_s]
+    depth_names = [f"depth/{stamp + DEPTH_LAG_S:.6f}.png" for stamp in stamps_s]
+
+    def write(k: int) -> None:
+        rng = _rng(spec, 3, k)
+        color, depth_m = scene.render(spec.camera, T_world_camera[k])
+        color = measured_color(color, gain[k], spec.sensor, rng)
+        depth_m = measured_depth(depth_m, spec.camera, spec.sensor, rng)
+        _write_jpeg(folder / color_names[k], color, spec.sensor)
+        _write_png(folder / depth_names[k], depth_m)
+
+    _in_parallel(write, spec.frames, "render frames", progress)
+    stamps = [f"{stamp:.6f}" for stamp in stamps_s]
+    later = [f"{stamp + DEPTH_LAG_S:.6f}" for stamp in stamps_s]
+    _write_table(folder / "rgb.txt", "timestamp filename", stamps, color_names)
+    _write_table(folder / "depth.txt", "timestamp filename", later, depth_names)
+    _write_truth(folder / "groundtruth.txt", stamps, T_world_camera)
+    depth = f"\n[depth]\nunits_per_metre = {UNITS_PER_METRE}\n"
+    (folder / "camera.toml").write_text(_camera_text(spec.camera) + depth, "utf-8")
+
+
+def _write_photos(folder: Path, scene: Scene, spec: CaptureSpec, progress: Progress) -> None:
+    T_world_camera = photo_poses(scene, spec)
+    folder.mkdir()
+    names = [f"{k:03d}.jpg" for k in range(spec.photos)]
+
+    def write(k: int) -> None:
+        rng = _rng(spec, 4, k)
+        gain = np.full(3, rng.uniform(0.85, 1.15))
+        color = scene.render_color(spec.photo_camera, T_world_camera[k])
+        _write_jpeg(folder / names[k], measured_color(color, gain, spec.sensor, rng), spec.sensor)
+
+    _in_parallel(write, spec.photos, "render photos", progress)
+    _write_truth(folder / "groundtruth.txt", names, T_world_camera)
+    (folder / "camera.toml").write_text(_camera_text(spec.photo_camera), "utf-8")
+
+
+def _in_parallel(write: Callable[[int], None], count: int, task: str, progress: Progress) -> None:
+    with ThreadPoolExecutor(len(os.sched_getaffinity(0))) as pool:
+        for done, _ in enumerate(pool.map(write, range(count)), 1):
+            progress(task, done, count)
+
+
+def _write_jpeg(path: Path, color: NDArray[np.uint8], sensor: Sensor) -> None:
+    bgr = np.ascontiguousarray(color[..., ::-1])
+    _, data = cv2.imencode(".jpg", bgr, [cv2.IMWRITE_JPEG_QUALITY, sensor.jpeg_quality])
+    path.write_bytes(data.tobytes())
+
+
+def _write_png(path: Path, depth_m: NDArray[np.float32]) -> None:
+    _, data = cv2.imencode(".png", np.rint(depth_m * UNITS_PER_METRE).astype(np.uint16))
+    path.write_bytes(data.tobytes())
+
+
+def _write_truth(path: Path, names: list[str], T_world_camera: NDArray[np.float64]) -> None:
+    values = np.hstack([T_world_camera[:, :3, 3], se3.quat_xyzw(T_world_camera)])
+    poses = [" ".join(f"{value:.9f}" for value in row) for row in values]
+    _write_table(path, "timestamp or filename tx ty tz qx qy qz qw, camera to world", names, poses)
+
+
+def _write_table(path: Path, head: str, *columns: list[str]) -> None:
+    lines = [f"# {head}", *(" ".join(row) for row in zip(*columns, strict=True))]
+    path.write_text("\n".join(lines) + "\n", "utf-8")
+
+
+def _camera_text(camera: Intrinsics) -> str:
+    names = ("width", "height", "fx", "fy", "cx", "cy")
+    return "[color]\n" + "".join(f"{name} = {getattr(camera, name)}\n" for name in names)
+
+
+def _rng(spec: CaptureSpec, *purpose: int) -> np.random.Generator:
+    return np.random.default_rng([spec.seed, *purpose])
+
+
+def _fingerprint(spec: CaptureSpec) -> str:
+    """Of the specification and of this package's source."""
+    digest = hashlib.sha256(repr(spec).encode())
+    for file in sorted(resources.files(__package__).iterdir(), key=lambda file: file.name):
+        if file.name.endswith(".py"):
+            digest.update(file.read_bytes())
+    return digest.hexdigest()[:12]

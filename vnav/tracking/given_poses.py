@@ -1,0 +1,111 @@
+"""Odometry whose poses come from outside: motion capture, a phone's tracker, another SLAM."""
+
+import itertools
+
+import numpy as np
+
+from vnav.config import Config
+from vnav.core import se3
+from vnav.core.arrays import Array
+from vnav.core.association import associate, span
+from vnav.core.frame import Edge, Frame
+from vnav.core.mapping import LOST, FrameTable, Keyframe, Odometry
+from vnav.core.trajectory import Trajectory
+from vnav.errors import CaptureError, TrajectoryError
+from vnav.registration import Sensor, matches_near
+
+NO_POSE = "no pose given"
+LEAST_SHARE = 0.1  # of the frames: with fewer, the clocks are not the same
+SIGMAS = np.repeat([0.001, 0.001], 3)  # rad, m: of the motion between neighbours
+
+
+def poses_at(stamps_s: Array, given: Trajectory, largest_s: float) -> Array:
+    """The given pose (N, 4, 4), camera to world, of each frame by its time; NaN where none is.
+
+    A pose belongs to a frame that it is less than ``largest_s`` away from, one to one; nothing is
+    interpolated. TrajectoryError where hardly any frame has one.
+    """
+    frames, poses = associate(stamps_s, given.stamps_s, largest_s).T
+    if len(frames) < LEAST_SHARE * len(stamps_s) or not len(frames):
+        raise TrajectoryError(
+            f"expected given poses within {largest_s:g} s of the frames, found them for"
+            f" {len(frames)} of {len(stamps_s)}: frames are from {span(stamps_s)}, poses from"
+            f" {span(given.stamps_s)}; give both the same clock, or allow more with"
+            " --set capture.association_s"
+        )
+    T_world_camera = np.full((len(stamps_s), 4, 4), np.nan)
+    T_world_camera[frames] = given.T_world_camera[poses]
+    return T_world_camera
+
+
+class GivenPoses:
+    """Takes every frame's pose (N, 4, 4) as it is given, and keeps what the later stages need."""
+
+    def __init__(self, T_world_camera: Array, config: Config) -> None:
+        self._config = config
+        self._poses = T_world_camera.copy()
+        self._keyframes: list[Keyframe] = []
+        self._previous: Keyframe | None = None
+        without = np.flatnonzero(np.isnan(T_world_camera[:, 0, 0]))
+        self._reasons = {int(row): NO_POSE for row in without}
+
+    def add(self, view: Keyframe, _frame: Frame, sensor: Sensor) -> bool:
+        """Take the next frame; True where it is kept as a keyframe."""
+        if view.row in self._reasons or view.has_depth.sum() < sensor.config.min_inliers:
+            return False
+        new = not self._keyframes or self._is_far(view, sensor)
+        self._previous = view
+        if new:
+            self._keyframes.append(view)
+        return new
+
+    def skip(self, row: int, reason: str) -> None:
+        """Leave a frame out, and say why."""
+        self._reasons.setdefault(row, reason)
+        self._poses[row] = np.nan
+
+    def _is_far(self, view: Keyframe, sensor: Sensor) -> bool:
+        """From the last keyframe, by motion and by what both see, as in tracking."""
+        assert self._previous is not None
+        settings, last = self._config.odometry, self._keyframes[-1]
+        T_last_view = self._motion(last, view)
+        shared = self._matches(last, view, sensor) / max(
+            1, self._matches(self._previous, view, sensor)
+        )
+        return bool(
+            np.linalg.norm(T_last_view[:3, 3]) > settings.keyframe_translation_m
+            or np.rad2deg(se3.rotation_angle(T_last_view)) > settings.keyframe_rotation_deg
+            or shared < settings.keyframe_shared
+        )
+
+    def _matches(self, a: Keyframe, b: Keyframe, sensor: Sensor) -> int:
+        """How many of a's features are found close to where the poses put them in b."""
+        radius_px = sensor.config.search_radius_px
+        return len(matches_near(a, b, self._motion(a, b), sensor, radius_px))
+
+    def _motion(self, a: Keyframe, b: Keyframe) -> Array:
+        return np.asarray(se3.inverse(self._poses[a.row]) @ self._poses[b.row])
+
+    def result(self, frames: FrameTable) -> Odometry:
+        """All frames that have a pose, as one segment, whose frame of reference is the world."""
+        if not self._keyframes:
+            raise CaptureError(
+                f"expected frames with a given pose and at least"
+                f" {self._config.registration.min_inliers} features that have depth, found none in"
+                f" {len(frames)} frames; run 'vnav check CAPTURE'"
+            )
+        posed = np.isfinite(self._poses[:, 0, 0])
+        information = np.diag(SIGMAS**-2.0)
+        edges = tuple(
+            Edge(i, j, se3.inverse(self._poses[i]) @ self._poses[j], information)
+            for i, j in itertools.pairwise(np.flatnonzero(posed).tolist())
+        )
+        return Odometry(
+            frames,
+            self._poses,
+            np.where(posed, 0, LOST).astype(np.int32),
+            tuple(self._reasons.get(row, "") for row in range(len(frames))),
+            edges,
+            tuple(self._keyframes),
+            given=True,
+        )
