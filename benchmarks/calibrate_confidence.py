@@ -27,7 +27,7 @@ from vnav.core.trajectory import Trajectory
 from vnav.io.formats.trajectories import read_tum
 from vnav.io.sources.capture import open_capture
 from vnav.io.store.map_folder import MapFolder
-from vnav.localisation.atlas import Atlas
+from vnav.localisation.database import LandmarkDatabase
 from vnav.localisation.evidence import (
     LEAST,
     Odds,
@@ -100,17 +100,19 @@ def asked(
         right = [true is not None and near(h.view.T_world_camera, true) for h in hypotheses]
         other, chance = truth.get(photos[n - 1].name), np.zeros((2, 0), np.intp)
         if true is not None and other is not None and not near(true, other):
-            chance = cells_at(other, answer.photo, locator.atlas)
+            chance = cells_at(other, answer.photo, locator.database)
         found.append(Asked([h.cells for h in hypotheses], right, chance))
     return found
 
 
-def cells_at(T_world_camera: NDArray[np.float64], photo: Photo, atlas: Atlas) -> Cells:
+def cells_at(
+    T_world_camera: NDArray[np.float64], photo: Photo, database: LandmarkDatabase
+) -> Cells:
     """Landmarks that the photo shows and that the map predicts in each cell, at some pose."""
     view = View(se3.inverse(T_world_camera), photo.intrinsics)
-    prediction = predict(view, atlas)
+    prediction = predict(view, database)
     radius_px = GUIDED_RADII[-1] * Config().locate.ransac_threshold_px * photo.pixel
-    return counted(prediction, hits(prediction, photo, atlas, radius_px), photo)
+    return counted(prediction, hits(prediction, photo, database, radius_px), photo)
 
 
 def near(T_a: NDArray[np.float64], T_b: NDArray[np.float64]) -> bool:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from vnav.config import Config
 from vnav.core import se3
 from vnav.core.frame import Features
-from vnav.core.mapping import Keyframe
+from vnav.core.mapping import FrameFeatures
 from vnav.features.matching import match
 from vnav.io.store.artifacts import load_odometry, load_optimised
 from vnav.io.store.map_folder import MapFolder
@@ -48,7 +48,9 @@ class Exhaustive:
         return agreed.view.T_world_camera if agreed else None
 
 
-def _with_depth(keyframe: Keyframe, T_world_camera: Array) -> tuple[Features, NDArray[np.float32]]:
+def _with_depth(
+    keyframe: FrameFeatures, T_world_camera: Array
+) -> tuple[Features, NDArray[np.float32]]:
     rows = np.flatnonzero(keyframe.has_depth)
     points = se3.transform(T_world_camera, keyframe.points_camera[rows])
     return keyframe.features[rows], points.astype(np.float32)

@@ -232,7 +232,7 @@ def growth(small: Case, large: Case) -> bool:
     for case in (small, large):
         locator = Locator(case.folder, Config(), case.camera)
         locator.locate(case.photos[0])  # what is only done once is done
-        landmarks.append(len(locator.atlas.index.points_world))
+        landmarks.append(len(locator.database.index.points_world))
         found.append([asked(locator, photo) for photo in case.photos])
     located = [sum(answer.best is not None for answer, _, _ in of_map) for of_map in found]
     print(f"\n## {small.name} and {large.name}: {landmarks[0]} and {landmarks[1]} landmarks\n")

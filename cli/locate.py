@@ -100,7 +100,7 @@ def locate(
             click.echo(f"vnav: warning: {warning}", err=True)
         if overlay:
             file = overlay if alone else overlay / f"{answer.path.stem}.jpg"
-            picture.draw(answer, locator.atlas, file)
+            picture.draw(answer, locator.database, file)
     if csv_file:
         write_csv(csv_file, answers)
     if alone and (problem := stage.remember(folder, answers[0])):

@@ -102,8 +102,8 @@ def posed_map(tmp_path_factory: pytest.TempPathFactory, tiny_capture: Path) -> P
     from vnav.core.frame import Features
     from vnav.core.mapping import (
         LOST,
+        FrameFeatures,
         FrameTable,
-        Keyframe,
         Landmarks,
         LoopVerdict,
         Odometry,
@@ -126,7 +126,7 @@ def posed_map(tmp_path_factory: pytest.TempPathFactory, tiny_capture: Path) -> P
     poses[lost], segment[lost] = np.nan, LOST
     empty = np.zeros((0, 1), np.float32)
     none = Features(empty.reshape(0, 2), np.zeros((0, 128), np.uint8), *[empty[:, 0]] * 3)
-    keyframes = tuple(Keyframe(r, none, empty.reshape(0, 3)) for r in range(0, count, 5))
+    keyframes = tuple(FrameFeatures(r, none, empty.reshape(0, 3)) for r in range(0, count, 5))
     table = FrameTable(np.zeros(count), np.arange(count), truth.stamps_s)
     reasons = tuple("too dark" if row == lost else "" for row in range(count))
     odometry = Odometry(table, poses, segment, reasons, (), keyframes)

@@ -70,7 +70,7 @@ class OdometryConfig:
     keyframe_shared: float = 0.5  # new keyframe below this share of the predecessor's inliers
     recent_keyframes: int = 10  # tried, newest first, when predecessor and last keyframe fail
     similar_keyframes: int = 5  # tried by appearance after those
-    max_loose_frames: int = 30  # in a row, that all pixels hold, but not in every direction
+    max_degenerate_frames: int = 30  # in a row, that all pixels hold, but not in every direction
 
 
 @dataclass(frozen=True)
@@ -128,7 +128,7 @@ class FuseConfig:
 class IndexConfig:
     """What finding a photo needs, made ready."""
 
-    beside_shared: int = 10  # keyframes with so many landmarks in common are beside each other
+    min_shared_landmarks: int = 10  # keyframes with so many landmarks in common are covisible
     neighbours: int = 100  # nearest landmarks in space that a match leads to
 
 
@@ -144,7 +144,7 @@ class LocateConfig:
     ratio_2d_3d: float = 0.75
     ratio_3d_2d: float = 0.75
     enough_matches: int = 100  # in one place; ends the search there
-    places: int = 8  # sets of landmarks seen together that are searched on
+    max_clusters: int = 8  # covisibility clusters that are searched on
     solver: str = "auto"  # p3p where the camera is known, else dlt; or one of the two always
     pixel_sigma_px: float = 1.0  # of a keypoint; pixels are those of an image 640 wide
     ransac_threshold_px: float = 6.0

@@ -28,9 +28,9 @@ def test_where_nothing_is_to_be_said_there_is_no_span() -> None:
 
 def test_the_only_capture_needs_no_name() -> None:
     assert table(9).named(0, 3, 3) == "frame 3"
-    assert table(9).told(np.array([2, 3, 7])) == "frames 2 to 7"
+    assert table(9).rows_text(np.array([2, 3, 7])) == "frames 2 to 7"
 
 
 def test_of_several_captures_each_is_named() -> None:
-    told = table(5, 4).told(np.array([3, 4, 5, 7]))
+    told = table(5, 4).rows_text(np.array([3, 4, 5, 7]))
     assert told == "frames 3 to 4 of capture 0 and frames 0 to 2 of capture 1"

@@ -11,9 +11,9 @@ from vnav.config import IndexConfig, VocabularyConfig
 from vnav.core import se3
 from vnav.core.camera import Intrinsics
 from vnav.core.frame import Features
-from vnav.core.mapping import Keyframe, Landmarks
+from vnav.core.mapping import FrameFeatures, Landmarks
 from vnav.core.voxels import Voxels
-from vnav.localisation.atlas import Atlas
+from vnav.localisation.database import LandmarkDatabase
 from vnav.localisation.indexing import MappedKeyframe, build
 from vnav.localisation.view import View
 from vnav.vocabulary import train
@@ -113,8 +113,8 @@ NOTHING = Voxels.filled(np.zeros((0, 3)), np.zeros(0), 0.05)
 
 def mapped(
     things: Things, poses: list[Array], rng: np.random.Generator, voxels: Voxels = NOTHING
-) -> Atlas:
-    """The atlas of a map that keyframes at these poses see."""
+) -> LandmarkDatabase:
+    """The database of a map that keyframes at these poses see."""
     views = [seen(T, things, rng) for T in poses]
     rows = [
         (thing, k, f)
@@ -129,7 +129,7 @@ def mapped(
     )
     keyframes = [
         MappedKeyframe(
-            Keyframe(k, features, np.full((len(features), 3), np.nan)),
+            FrameFeatures(k, features, np.full((len(features), 3), np.nan)),
             T,
             np.zeros((6, 6)),
             CAMERA,
@@ -137,7 +137,7 @@ def mapped(
         for k, (T, (features, _)) in enumerate(zip(poses, views, strict=True))
     ]
     tree = train(np.concatenate([f.descriptors for f, _ in views]), VocabularyConfig(), 0)
-    return Atlas(build(landmarks, keyframes, tree, voxels, IndexConfig(), rng), tree)
+    return LandmarkDatabase(build(landmarks, keyframes, tree, voxels, IndexConfig(), rng), tree)
 
 
 def around(centre: tuple[float, float, float]) -> list[Array]:
@@ -151,10 +151,10 @@ def around(centre: tuple[float, float, float]) -> list[Array]:
 
 @dataclass(frozen=True)
 class World:
-    """A room, its atlas, and what its tools are."""
+    """A room, its database, and what its tools are."""
 
     things: Things
-    atlas: Atlas
+    database: LandmarkDatabase
     camera: Intrinsics
     looking: Callable[..., Array]
     seen: Callable[..., tuple[Features, NDArray[np.intp]]]

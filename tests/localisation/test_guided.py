@@ -19,8 +19,8 @@ def view_of(world, position=(0.2, 0.1, 1.4), heading_deg=20.0):
 
 def test_what_is_predicted_lies_in_the_image_before_the_camera(world):
     view = view_of(world)
-    prediction = predict(view, world.atlas)
-    index = world.atlas.index
+    prediction = predict(view, world.database)
+    index = world.database.index
     px, depth = view.project(index.points_world[index.owner[prediction.rows]])
     assert len(prediction) > 50
     assert (depth > 0).all()
@@ -30,12 +30,12 @@ def test_what_is_predicted_lies_in_the_image_before_the_camera(world):
 
 def test_nothing_is_predicted_behind_what_no_keyframe_saw(world):
     """From 20 m behind the wall every landmark projects into the image, none is seen alike."""
-    assert len(predict(view_of(world, (-20.0, 0.0, 1.2), 0.0), world.atlas)) == 0
+    assert len(predict(view_of(world, (-20.0, 0.0, 1.2), 0.0), world.database)) == 0
 
 
 def test_keyframes_around_look_the_same_way(world):
     view = view_of(world)
-    index = world.atlas.index
+    index = world.database.index
     axes = index.T_world_keyframe[keyframes_around(view, index), :3, 2]
     # 53 degrees of view: keyframes turned by more share nothing with the photo.
     assert len(axes) >= 2
@@ -45,22 +45,22 @@ def test_keyframes_around_look_the_same_way(world):
 def test_hits_are_near_and_alike(world):
     view = view_of(world)
     features, which = world.seen(view.T_world_camera, world.things, np.random.default_rng(0))
-    photo = prepare(features, world.camera, 0.0, world.atlas.tree)
-    prediction = predict(view, world.atlas)
-    found = hits(prediction, photo, world.atlas, 6.0)
+    photo = prepare(features, world.camera, 0.0, world.database.tree)
+    prediction = predict(view, world.database)
+    found = hits(prediction, photo, world.database, 6.0)
     offset_px = photo.features.keypoints_px[found.feature] - prediction.px[found.predicted]
     assert np.linalg.norm(offset_px, axis=1).max() < 6.0
-    matches = matched(found, prediction, world.atlas)
+    matches = matched(found, prediction, world.database)
     # Things are found with probability 0.7 in the photo as in the keyframes.
-    assert len(matches) > 0.4 * len(np.unique(world.atlas.index.owner[prediction.rows]))
+    assert len(matches) > 0.4 * len(np.unique(world.database.index.owner[prediction.rows]))
 
 
 def test_hits_are_all_that_agree(world):
     """Each pair of prediction and feature held against the definition."""
     view = view_of(world)
     features, _ = world.seen(view.T_world_camera, world.things, np.random.default_rng(1))
-    photo = prepare(features, world.camera, 0.0, world.atlas.tree)
-    prediction, index, seen = predict(view, world.atlas), world.atlas.index, photo.features
+    photo = prepare(features, world.camera, 0.0, world.database.tree)
+    prediction, index, seen = predict(view, world.database), world.database.index, photo.features
     offset = seen.keypoints_px - prediction.px[:, None]
     patch = prediction.patch_px @ [1, 1j]
     octave = np.log2(2 * np.abs(patch))[:, None] - np.log2(seen.scales_px)
@@ -69,8 +69,8 @@ def test_hits_are_all_that_agree(world):
     distance = np.linalg.norm(described[:, None] - seen.descriptors, axis=2)
     agree = np.linalg.norm(offset, axis=2) < 6.0
     agree &= (np.abs(octave) < PATCH_OCTAVES) & (np.abs(turn) < PATCH_TURN_RAD)
-    agree &= distance < index.stranger
-    found = hits(prediction, photo, world.atlas, 6.0)
+    agree &= distance < index.distractor_distance
+    found = hits(prediction, photo, world.database, 6.0)
     assert sorted(zip(found.predicted, found.feature, strict=True)) == list(
         zip(*np.nonzero(agree), strict=True)
     )
@@ -84,12 +84,12 @@ def test_features_turned_on_the_spot_are_no_hits(world):
     view = view_of(world)
     features, _ = world.seen(view.T_world_camera, world.things, np.random.default_rng(0), clutter=0)
     turned = dataclasses.replace(features, angles_rad=features.angles_rad + np.pi / 2)
-    photo = prepare(turned, world.camera, 0.0, world.atlas.tree)
-    assert len(hits(predict(view, world.atlas), photo, world.atlas, 6.0).feature) == 0
+    photo = prepare(turned, world.camera, 0.0, world.database.tree)
+    assert len(hits(predict(view, world.database), photo, world.database, 6.0).feature) == 0
 
 
 def test_a_photo_without_features_has_no_hits(world):
     view = view_of(world)
     features, _ = world.seen(view.T_world_camera, world.things, np.random.default_rng(0))
-    photo = prepare(features[np.arange(0)], world.camera, 0.0, world.atlas.tree)
-    assert len(hits(predict(view, world.atlas), photo, world.atlas, 6.0).feature) == 0
+    photo = prepare(features[np.arange(0)], world.camera, 0.0, world.database.tree)
+    assert len(hits(predict(view, world.database), photo, world.database, 6.0).feature) == 0

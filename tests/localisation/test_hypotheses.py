@@ -17,8 +17,8 @@ def query(tiled_world):
     """A photo of the wall with the pattern, and its true pose."""
     T = tiled_world.looking((0.0, 0.2, 1.4), 0)
     features, _ = tiled_world.seen(T, tiled_world.things, np.random.default_rng(3), clutter=20)
-    photo = prepare(features, tiled_world.camera, 0.0, tiled_world.atlas.tree)
-    return Query(photo, tiled_world.atlas, LocateConfig()), T
+    photo = prepare(features, tiled_world.camera, 0.0, tiled_world.database.tree)
+    return Query(photo, tiled_world.database, LocateConfig()), T
 
 
 def off_m(hypothesis, T_true) -> float:

@@ -2,24 +2,24 @@ import numpy as np
 import pytest
 
 from vnav.core import se3
-from vnav.localisation.atlas import Atlas
+from vnav.localisation.database import LandmarkDatabase
 
 
 @pytest.fixture
 def index(world):
-    return world.atlas.index
+    return world.database.index
 
 
 def test_a_nodes_rows_are_the_descriptors_below_it(world, index):
-    paths = world.atlas.tree.quantise(index.descriptors)
-    for node in np.random.default_rng(0).choice(len(world.atlas.tree.level), 50, replace=False):
+    paths = world.database.tree.quantise(index.descriptors)
+    for node in np.random.default_rng(0).choice(len(world.database.tree.level), 50, replace=False):
         rows = np.flatnonzero((paths == node).any(1))
         first, last = index.span[node]
         assert rows.tolist() == list(range(first, last))
 
 
 def test_a_landmark_has_one_descriptor_per_word(world, index):
-    words = world.atlas.tree.quantise(index.descriptors)[:, -1]
+    words = world.database.tree.quantise(index.descriptors)[:, -1]
     # Means are quantised again, and a mean may fall into another's word: rarely.
     pairs = np.stack([index.owner, words], 1)
     assert len(np.unique(pairs, axis=0)) > 0.95 * len(pairs)
@@ -42,13 +42,13 @@ def test_neighbours_are_the_nearest_that_are_seen_together(index):
     for landmark in np.random.default_rng(1).choice(len(index.points_world), 20, replace=False):
         distance = np.linalg.norm(index.points_world - index.points_world[landmark], axis=1)
         nearest = np.argsort(distance, kind="stable")[: 2 * index.neighbours.shape[1]]
-        together = nearest[index.beside[home[landmark], home[nearest]]]
+        together = nearest[index.covisible[home[landmark], home[nearest]]]
         expected = together[: index.neighbours.shape[1]]
         assert set(index.neighbours[landmark].tolist()) == {landmark, *expected.tolist()}
 
 
 def test_neighbours_never_lie_in_another_room(twin_world):
-    index = twin_world.atlas.index
+    index = twin_world.database.index
     room = index.points_world[:, 0] > 10
     assert (room[index.neighbours] == room[:, None]).all()
 
@@ -73,13 +73,13 @@ def test_patches_point_where_the_descriptors_are_oriented(world, index):
 def test_a_stranger_is_nearer_than_a_random_descriptor_and_farther_than_a_repetition(index):
     values = index.descriptors.astype(float)
     random = np.linalg.norm(values[:-1:2] - values[1::2], axis=1)
-    assert 0 < index.stranger[0] < np.median(random)
+    assert 0 < index.distractor_distance[0] < np.median(random)
 
 
 def test_words_of_rows_agree_with_their_paths(world, index):
-    tree = world.atlas.tree
+    tree = world.database.tree
     paths = tree.quantise(index.descriptors)
     rows = np.arange(0, len(index.descriptors), 7)
     for level in (1, 2, 99):
         expected = paths[rows, tree.clamped(level)]
-        assert Atlas(index, tree).words(rows, level).tolist() == expected.tolist()
+        assert LandmarkDatabase(index, tree).words(rows, level).tolist() == expected.tolist()

@@ -15,8 +15,8 @@ POSE = (0.4, -0.3, 1.5), 40.0
 
 
 def asked(world, features, *, config=CONFIG, camera=None, focal_sigma=0.0, seed=0):
-    photo = prepare(features, camera or world.camera, focal_sigma, world.atlas.tree)
-    query = Query(photo, world.atlas, config)
+    photo = prepare(features, camera or world.camera, focal_sigma, world.database.tree)
+    query = Query(photo, world.database, config)
     return localise(query, np.random.default_rng(seed)), query
 
 
@@ -74,7 +74,7 @@ def test_an_unknown_focal_length_is_found_with_its_uncertainty(world):
     features, _ = world.seen(T_true, world.things, np.random.default_rng(7), camera=camera)
     result, _ = asked(world, features, focal_sigma=np.inf)  # 525 is the guess
     assert isinstance(result, Located)
-    found, sigma = result.best.view.intrinsics.fx, sigmas(result.best, world.atlas.index).focal
+    found, sigma = result.best.view.intrinsics.fx, sigmas(result.best, world.database.index).focal
     assert abs(found / 640 - 1) < 4 * sigma
     assert 0 < sigma < 0.01
     assert errors(result, T_true)[0] < 0.05
@@ -206,7 +206,7 @@ def test_an_empty_map_locates_nothing(world, photo_features):
     from vnav.config import IndexConfig, VocabularyConfig
     from vnav.core.mapping import Landmarks
     from vnav.core.voxels import Voxels
-    from vnav.localisation.atlas import Atlas
+    from vnav.localisation.database import LandmarkDatabase
     from vnav.localisation.indexing import build
     from vnav.vocabulary import train
 
@@ -215,9 +215,9 @@ def test_an_empty_map_locates_nothing(world, photo_features):
     tree = train(np.zeros((0, 128), np.uint8), VocabularyConfig(), 0)
     nothing = Voxels.filled(np.zeros((0, 3)), np.zeros(0), 0.05)
     index = build(landmarks, [], tree, nothing, IndexConfig(), np.random.default_rng(0))
-    atlas = Atlas(index, tree)
+    database = LandmarkDatabase(index, tree)
     photo = prepare(photo_features[1], world.camera, 0.0, tree)
-    result = localise(Query(photo, atlas, CONFIG), np.random.default_rng(0))
+    result = localise(Query(photo, database, CONFIG), np.random.default_rng(0))
     assert isinstance(result, NotLocated)
     assert result.reason == "too few matches"
 
@@ -240,5 +240,5 @@ def test_standard_deviations_tell_the_size_of_the_errors(world):
         result, _ = asked(world, world.seen(T_true, world.things, rng)[0])
         assert isinstance(result, Located)
         offset = result.best.view.centre_world - T_true[:3, 3]
-        normed.append(offset / sigmas(result.best, world.atlas.index).position_m)
+        normed.append(offset / sigmas(result.best, world.database.index).position_m)
     assert 0.2 < np.sqrt(np.mean(np.square(normed))) < 1.5

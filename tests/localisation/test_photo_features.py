@@ -12,7 +12,7 @@ def features_of(world, seed=0):
 
 
 def test_each_node_knows_its_features(world):
-    photo = prepare(features_of(world), world.camera, 0.0, world.atlas.tree)
+    photo = prepare(features_of(world), world.camera, 0.0, world.database.tree)
     for row, path in enumerate(photo.paths):
         for node in path:
             first, last = photo.span[node]
@@ -25,8 +25,8 @@ def test_distortion_is_taken_out(world):
     points = world.camera.unproject(features.keypoints_px, np.ones(len(features)))
     px, _ = cv2.projectPoints(points, np.zeros(3), np.zeros(3), bent.K, np.array(bent.distortion))
     distorted = dataclasses.replace(features, keypoints_px=px[:, 0])
-    photo = prepare(distorted, bent, 0.0, world.atlas.tree)
-    straight = prepare(features, world.camera, 0.0, world.atlas.tree)
+    photo = prepare(distorted, bent, 0.0, world.database.tree)
+    straight = prepare(features, world.camera, 0.0, world.database.tree)
     assert photo.intrinsics.distortion == ()
     # OpenCV undistorts by iteration; a tenth of a pixel is far below a keypoint's noise.
     np.testing.assert_allclose(
@@ -35,5 +35,5 @@ def test_distortion_is_taken_out(world):
 
 
 def test_no_features_are_legal(world):
-    photo = prepare(features_of(world)[np.arange(0)], world.camera, 0.0, world.atlas.tree)
+    photo = prepare(features_of(world)[np.arange(0)], world.camera, 0.0, world.database.tree)
     assert len(photo.buckets(5.0).order) == 0

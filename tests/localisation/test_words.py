@@ -1,13 +1,13 @@
 import numpy as np
 import pytest
 
-from vnav.localisation.words import Database, nearest_apart
+from vnav.localisation.words import InvertedFile, nearest_apart
 
 
 def database(rng, count=300):
     descriptors = rng.integers(0, 256, (count, 128)).astype(np.uint8)
     position = rng.uniform(0, 1, (count, 3)).astype(np.float32)
-    return Database(descriptors, position, 0.3)
+    return InvertedFile(descriptors, position, 0.3)
 
 
 def by_hand(query, first, last, db, count):
@@ -47,7 +47,7 @@ def test_a_sole_candidate_has_no_rival():
 def test_what_lies_in_the_same_place_is_no_rival():
     rng = np.random.default_rng(2)
     db = database(rng, 2)
-    together = Database(db.descriptors, np.zeros((2, 3), np.float32), 0.3)
+    together = InvertedFile(db.descriptors, np.zeros((2, 3), np.float32), 0.3)
     _, distances = nearest_apart(db.descriptors[:1], np.array([[0, 2]], np.int32), together, 2)
     assert distances[0, 0] == 0
     assert np.isinf(distances[0, 1])

@@ -9,7 +9,7 @@ from vnav.config import OptimiseConfig, RegistrationConfig
 from vnav.core import se3
 from vnav.core.camera import Intrinsics
 from vnav.core.frame import Edge, Features
-from vnav.core.mapping import Keyframe
+from vnav.core.mapping import FrameFeatures
 from vnav.optimisation.bundle import Prior, SensorModel
 from vnav.optimisation.landmarks import Adjusted, Tracks, adjust_landmarks
 
@@ -26,7 +26,7 @@ class Scene:
 
     T: np.ndarray
     points: np.ndarray
-    keyframes: list[Keyframe]
+    keyframes: list[FrameFeatures]
     matches: np.ndarray
 
     def adjusted(
@@ -64,23 +64,25 @@ def scene(seed: int, noise: float = 1.0, offset: float = 0.0) -> Scene:
 
 def measured(
     row: int, points: np.ndarray, rng: np.random.Generator, noise: float, offset: float
-) -> Keyframe:
+) -> FrameFeatures:
     n = len(points)
     px = CAMERA.project(points) + noise * NOISE.pixel_sigma_px * rng.standard_normal((n, 2))
     inverse = 1 / points[:, 2] + noise * NOISE.depth_sigma_per_m2 * rng.standard_normal(n)
     inverse += offset
     features = Features(px, np.zeros((n, 128)), np.ones(n), np.ones(n), np.zeros(n))
-    return Keyframe(row, features, CAMERA.unproject(features.keypoints_px, 1 / inverse))
+    return FrameFeatures(row, features, CAMERA.unproject(features.keypoints_px, 1 / inverse))
 
 
-def changed(keyframe: Keyframe, rows: np.ndarray, shift_px: float, depth: bool = True) -> Keyframe:
+def changed(
+    keyframe: FrameFeatures, rows: np.ndarray, shift_px: float, depth: bool = True
+) -> FrameFeatures:
     """The keyframe with some keypoints put elsewhere, or without their depth."""
     px, points = keyframe.features.keypoints_px.copy(), keyframe.points_camera.copy()
     px[rows] += shift_px
     points[rows] = CAMERA.unproject(px[rows], points[rows, 2]) if depth else np.nan
     old = keyframe.features
     features = Features(px, old.descriptors, old.scores, old.scales_px, old.angles_rad)
-    return Keyframe(keyframe.row, features, points)
+    return FrameFeatures(keyframe.row, features, points)
 
 
 def disturbed(T: np.ndarray, seed: int = 0) -> np.ndarray:
@@ -91,7 +93,7 @@ def disturbed(T: np.ndarray, seed: int = 0) -> np.ndarray:
 
 
 def observed(result: Adjusted) -> set[tuple[int, int]]:
-    """Keyframe and feature of every observation."""
+    """FrameFeatures and feature of every observation."""
     landmarks = result.landmarks
     return set(zip(landmarks.keyframe.tolist(), landmarks.feature.tolist(), strict=True))
 

@@ -7,7 +7,7 @@ from vnav.config import RegistrationConfig
 from vnav.core import se3
 from vnav.core.camera import Intrinsics
 from vnav.core.frame import Features, PoseEstimate, Rejected
-from vnav.core.mapping import Keyframe
+from vnav.core.mapping import FrameFeatures
 from vnav.features.matching import DescriptorMatcher
 from vnav.registration import Sensor, register
 
@@ -17,7 +17,7 @@ CONFIG = RegistrationConfig()
 SENSOR = Sensor(CAMERA, CONFIG, DescriptorMatcher(CONFIG))
 MOTION = se3.exp([0.05, -0.1, 0.03, 0.15, -0.05, 0.1])  # 7 degrees and 0.19 m
 TRIALS = 60
-Views = tuple[Keyframe, Keyframe]
+Views = tuple[FrameFeatures, FrameFeatures]
 
 
 def scattered(rng: np.random.Generator, count: int) -> np.ndarray:
@@ -36,13 +36,13 @@ def measured(
     descriptors: np.ndarray,
     rng: np.random.Generator,
     camera: Intrinsics = CAMERA,
-) -> Keyframe:
+) -> FrameFeatures:
     """What the camera sees of points (N, 3) given in it, with the noise of the settings."""
     n = len(points)
     px = camera.project(points) + CONFIG.pixel_sigma_px * rng.standard_normal((n, 2))
     inverse_depth = 1 / points[:, 2] + CONFIG.depth_sigma_per_m2 * rng.standard_normal(n)
     features = Features(px, descriptors, np.ones(n), np.ones(n), np.zeros(n))
-    return Keyframe(0, features, camera.unproject(px, 1 / inverse_depth))
+    return FrameFeatures(0, features, camera.unproject(px, 1 / inverse_depth))
 
 
 def two_views(
@@ -88,7 +88,7 @@ def test_without_noise_the_motion_is_exact() -> None:
     rng = np.random.default_rng(0)
     points, descriptors = scattered(rng, 100), described(rng, 100)
     a, b = (
-        Keyframe(0, Features(CAMERA.project(p), descriptors, *np.ones((3, 100))), p)
+        FrameFeatures(0, Features(CAMERA.project(p), descriptors, *np.ones((3, 100))), p)
         for p in (points, se3.transform(se3.inverse(MOTION), points))
     )
     np.testing.assert_allclose(estimated((a, b)).T_a_b, MOTION, atol=1e-5)
@@ -147,7 +147,7 @@ def test_features_of_b_without_depth_still_count() -> None:
     a, b = views(4)
     points = b.points_camera.copy()
     points[25:] = np.nan
-    blind = estimated((a, Keyframe(0, b.features, points)))
+    blind = estimated((a, FrameFeatures(0, b.features, points)))
     assert len(blind.inliers) > 90
     assert normalised_error(blind) < 4
 
@@ -159,7 +159,7 @@ def one_eyed(seed: int, count: int = 100) -> Views:
         points = view.points_camera.copy()
         points[n::2] = np.nan
         points[:20] = view.points_camera[:20]  # what both have fixes the first motion
-        blind.append(Keyframe(0, view.features, points))
+        blind.append(FrameFeatures(0, view.features, points))
     return blind[0], blind[1]
 
 
@@ -194,7 +194,7 @@ def test_too_few_matches_are_a_reason() -> None:
 
 
 def test_no_features_are_too_few() -> None:
-    nothing = Keyframe(0, views(0)[0].features[np.zeros(0, np.intp)], np.zeros((0, 3)))
+    nothing = FrameFeatures(0, views(0)[0].features[np.zeros(0, np.intp)], np.zeros((0, 3)))
     for pair in ((nothing, views(0)[1]), (views(0)[0], nothing), (nothing, nothing)):
         assert rejected(pair).reason == "too few matches"
 
@@ -209,7 +209,7 @@ def test_matches_that_agree_on_no_motion_are_rejected() -> None:
 
 def test_b_without_any_depth_is_rejected() -> None:
     a, b = views(0)
-    blind = Keyframe(0, b.features, np.full((len(b.features), 3), np.nan))
+    blind = FrameFeatures(0, b.features, np.full((len(b.features), 3), np.nan))
     assert rejected((a, blind)).reason == "no consistent motion"
 
 

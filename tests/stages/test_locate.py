@@ -215,7 +215,7 @@ def test_the_overlay_shows_the_photo_and_the_map_beside_it(
     locator: Locator, photos: list[Path], tmp_path: Path
 ) -> None:
     answer = locator.locate(photos[0])
-    overlay.draw(answer, locator.atlas, tmp_path / "new" / "overlay.png")
+    overlay.draw(answer, locator.database, tmp_path / "new" / "overlay.png")
     drawn, photo = cv2.imread(str(tmp_path / "new" / "overlay.png")), cv2.imread(str(photos[0]))
     height, width = photo.shape[:2]
     assert len(drawn) == height
@@ -228,7 +228,7 @@ def test_the_camera_is_drawn_where_it_stands_in_the_map(
     locator: Locator, photos: list[Path]
 ) -> None:
     """A dot as far from the map's corner as the camera is, to the pixel."""
-    answer, voxels = locator.locate(photos[0]), locator.atlas.index.voxels
+    answer, voxels = locator.locate(photos[0]), locator.database.index.voxels
     drawn = inset.Inset(voxels, 1000)
     assert answer.best is not None
     drawn.draw(answer.best, (0, 0, 255))
@@ -243,7 +243,7 @@ def test_the_camera_is_drawn_where_it_stands_in_the_map(
 def test_the_overlay_of_an_unknown_place_is_drawn_as_well(locator: Locator, tmp_path: Path) -> None:
     noise = np.random.default_rng(0).integers(0, 256, (480, 640, 3)).astype(np.uint8)
     cv2.imwrite(str(tmp_path / "noise.png"), noise)
-    overlay.draw(locator.locate(tmp_path / "noise.png"), locator.atlas, tmp_path / "o.png")
+    overlay.draw(locator.locate(tmp_path / "noise.png"), locator.database, tmp_path / "o.png")
     assert (cv2.imread(str(tmp_path / "o.png")) == inset.RED).all(2).any()
 
 

@@ -181,8 +181,8 @@ def test_a_black_frame_is_followed_by_its_depth_from_both_sides(
 ) -> None:
     result = tracked(Cut(capture, range(8), black=4), tmp_path)
     assert result.reasons == ("",) * 8
-    assert [(e.i, e.j) for e in result.loose_edges] == [(3, 4), (4, 5)]
-    for edge in result.loose_edges:
+    assert [(e.i, e.j) for e in result.degenerate_edges] == [(3, 4), (4, 5)]
+    for edge in result.degenerate_edges:
         # Squared error by the information of 6 degrees of freedom: 99.9 % are below 22.5.
         assert 6 * normalised(true_motion(truth, edge.i, edge.j), edge) < 22.5
     assert result.segment.tolist() == [0, 0, 0, 0, LOST, 0, 0, 0]

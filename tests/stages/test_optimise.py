@@ -325,7 +325,7 @@ def without(odometry: Odometry, rows: range) -> Odometry:
         segment=segment,
         edges=edges,
         keyframes=keyframes,
-        loose_edges=along(odometry, rows[0] - 1, rows[-1] + 1),
+        degenerate_edges=along(odometry, rows[0] - 1, rows[-1] + 1),
     )
 
 
@@ -348,14 +348,14 @@ def test_frames_that_loose_edges_join_hang_between_their_neighbours(
 
 
 def test_a_long_part_is_not_joined_by_loose_edges(odometry: Odometry, camera: Intrinsics) -> None:
-    few = dataclasses.replace(CONFIG.odometry, max_loose_frames=1)
+    few = dataclasses.replace(CONFIG.odometry, max_degenerate_frames=1)
     config = dataclasses.replace(CONFIG, odometry=few)
     half = len(odometry.frames) // 2
     apart = dataclasses.replace(
         odometry,
         segment=(np.arange(len(odometry.frames)) >= half).astype(np.int32),
         edges=tuple(e for e in odometry.edges if (e.i < half) == (e.j < half)),
-        loose_edges=along(odometry, half - 1, half),
+        degenerate_edges=along(odometry, half - 1, half),
     )
     solved = solution.solve(apart, (), np.zeros((0, 4), np.int32), [camera], config)
     assert set(solved.others) == {"part_2"}
@@ -388,7 +388,7 @@ def test_keyframes_on_either_side_of_loose_edges_are_held_by_them(
         odometry,
         segment=(np.arange(len(odometry.frames)) >= after).astype(np.int32),
         edges=tuple(e for e in odometry.edges if (e.i < after) == (e.j < after)),
-        loose_edges=along(odometry, after - 1, after),
+        degenerate_edges=along(odometry, after - 1, after),
     )
     loop = Edge(before, after, exact @ se3.exp([0, 0, 0, 0.02, 0, 0]), 1e3 * np.eye(6))
     solved = solution.solve(apart, (loop,), np.zeros((0, 4), np.int32), [camera], CONFIG)

@@ -24,7 +24,7 @@ def motions(tiny_capture: Path) -> list[np.ndarray]:
 
 def seen(frames: list[Frame], most: int = 30) -> DenseTracker:
     """A tracker that features have told the frames' motions so far."""
-    settings = dataclasses.replace(CONFIG.odometry, max_loose_frames=most)
+    settings = dataclasses.replace(CONFIG.odometry, max_degenerate_frames=most)
     tracker = DenseTracker(settings)
     for row, frame in enumerate(frames):
         tracker.took(row, frame, loose=False)

@@ -8,7 +8,7 @@ import pytest
 from vnav.config import Config, FeaturesConfig
 from vnav.core import se3
 from vnav.core.frame import Features, Frame
-from vnav.core.mapping import FrameTable, Keyframe, Odometry
+from vnav.core.mapping import FrameFeatures, FrameTable, Odometry
 from vnav.features import front_end
 from vnav.features.lifting import lift
 from vnav.io.formats.trajectories import read_tum
@@ -94,7 +94,7 @@ def tracked(frames: list[Frame], sensor: Sensor, features_of_4: int) -> Odometry
             features = first(features, features_of_4)
         px = features.keypoints_px
         points = lift(px, frame.depth_m, sensor.intrinsics, CONFIG.registration)
-        tracker.add(Keyframe(row, features, points), frame, sensor)
+        tracker.add(FrameFeatures(row, features, points), frame, sensor)
     rows = np.arange(FRAMES, dtype=np.int32)
     return tracker.result(FrameTable(np.zeros_like(rows), rows, rows / 30.0))
 

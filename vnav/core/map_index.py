@@ -36,14 +36,14 @@ class MapIndex:
     neighbours
         (L, n) int32: the nearest landmarks in space that are seen together with a landmark,
         itself first; rows that find fewer repeat the landmark.
-    beside
-        (K, K) bool: keyframes that look at the same part of the place; each is beside itself.
+    covisible
+        (K, K) bool: keyframes that share enough landmarks; each is covisible with itself.
     T_world_keyframe, keyframe_covariance
         (K, 4, 4) and (K, 6, 6) float64.
     solid_away, solid_origin, solid_m
         (X, Y, Z) uint8, (3,) and (1,) float64: how many voxels away something stands, the outer
         corner of the first voxel, and their edge in metres (`Voxels`).
-    stranger
+    distractor_distance
         (1,) float32: descriptor distance at which a landmark typically has its nearest landmark
         elsewhere in the map; stands in for a second-nearest that a word does not hold.
     """
@@ -61,13 +61,13 @@ class MapIndex:
     sees_start: NDArray[np.int32]
     sees: NDArray[np.int32]
     neighbours: NDArray[np.int32]
-    beside: NDArray[np.bool_]
+    covisible: NDArray[np.bool_]
     T_world_keyframe: NDArray[np.float64]
     keyframe_covariance: NDArray[np.float64]
     solid_away: NDArray[np.uint8]
     solid_origin: NDArray[np.float64]
     solid_m: NDArray[np.float64]
-    stranger: NDArray[np.float32]
+    distractor_distance: NDArray[np.float32]
 
     def __post_init__(self) -> None:
         landmarks, descriptors = len(self.points_world), len(self.descriptors)
@@ -86,13 +86,13 @@ class MapIndex:
             "sees_start": (np.int32, (keyframes + 1,)),
             "sees": (np.int32, (seen,)),
             "neighbours": (np.int32, (landmarks, None)),
-            "beside": (np.bool_, (keyframes, keyframes)),
+            "covisible": (np.bool_, (keyframes, keyframes)),
             "T_world_keyframe": (np.float64, (keyframes, 4, 4)),
             "keyframe_covariance": (np.float64, (keyframes, 6, 6)),
             "solid_away": (np.uint8, (None, None, None)),
             "solid_origin": (np.float64, (3,)),
             "solid_m": (np.float64, (1,)),
-            "stranger": (np.float32, (1,)),
+            "distractor_distance": (np.float32, (1,)),
         }
         for name, (dtype, shape) in shapes.items():
             object.__setattr__(self, name, frozen(getattr(self, name), dtype, shape))
@@ -117,24 +117,24 @@ class MapIndex:
     def near_keyframes_of(
         self, landmarks: NDArray[np.int32]
     ) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-        """Every keyframe that sees a landmark (N,) or is beside one that does, once.
+        """Every keyframe that sees a landmark (N,) or is covisible with one that does, once.
 
         Position in the argument, ascending, and keyframe.
         """
         position, keyframe = self.keyframes_of(landmarks)
-        which, row = rows_of(self._beside_start, keyframe)
+        which, row = rows_of(self._covisible_start, keyframe)
         near = np.zeros((len(landmarks), self.keyframes), bool)
-        near[position[which], self._beside_of[row]] = True
+        near[position[which], self._covisible_of[row]] = True
         position, near_keyframe = np.nonzero(near)
         return position, near_keyframe
 
     @cached_property
-    def _beside_start(self) -> NDArray[np.intp]:
-        return np.append(0, np.cumsum(self.beside.sum(1)))
+    def _covisible_start(self) -> NDArray[np.intp]:
+        return np.append(0, np.cumsum(self.covisible.sum(1)))
 
     @cached_property
-    def _beside_of(self) -> NDArray[np.intp]:
-        return np.nonzero(self.beside)[1]
+    def _covisible_of(self) -> NDArray[np.intp]:
+        return np.nonzero(self.covisible)[1]
 
     @property
     def voxels(self) -> Voxels:

@@ -49,7 +49,7 @@ class FrameTable:
         frames = f"frame {first}" if first == last else f"frames {first} to {last}"
         return f"{frames} of capture {capture}" if self.capture.any() else frames
 
-    def told(self, rows: NDArray[np.intp]) -> str:
+    def rows_text(self, rows: NDArray[np.intp]) -> str:
         """Which frames some rows are, from first to last of each capture, for a person."""
         parts = []
         for capture in np.unique(self.capture[rows]).tolist():
@@ -69,7 +69,7 @@ class Span:
 
 
 @dataclass(frozen=True)
-class Keyframe:
+class FrameFeatures:
     """A frame kept with its features.
 
     ``row`` in the frame table; ``points_camera`` (N, 3) float32: each feature's 3D point in the
@@ -99,8 +99,8 @@ class Odometry:
     where tracked; ``edges`` between rows; ``keyframes`` in order of row; ``given``: the poses come
     from outside and stay as they are, in the world that they were given in; ``T_world_before``
     (N, 4, 4): of a map that was extended, the poses it had before, whose world it keeps, NaN where
-    there was none; ``loose_edges``: by all pixels, of frames that neither features nor these hold
-    in every direction; they make no segments, and join no parts.
+    there was none; ``degenerate_edges``: by all pixels, of frames that neither features
+    nor these hold in every direction; they make no segments, and join no parts.
     """
 
     frames: FrameTable
@@ -108,10 +108,10 @@ class Odometry:
     segment: NDArray[np.int32]
     reasons: tuple[str, ...]
     edges: tuple[Edge, ...]
-    keyframes: tuple[Keyframe, ...]
+    keyframes: tuple[FrameFeatures, ...]
     given: bool = False
     T_world_before: NDArray[np.float64] | None = None
-    loose_edges: tuple[Edge, ...] = ()
+    degenerate_edges: tuple[Edge, ...] = ()
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
 from vnav.core.frame import Features
-from vnav.core.mapping import Keyframe
+from vnav.core.mapping import FrameFeatures
 from vnav.core.tree import VocabularyTree
 
 BITS = 12
@@ -27,7 +27,9 @@ def signature(features: Features) -> NDArray[np.float32]:
     return np.asarray(counts / max(float(np.linalg.norm(counts)), 1e-9))
 
 
-def tfidf_similarity(keyframes: Sequence[Keyframe], tree: VocabularyTree) -> NDArray[np.float64]:
+def tfidf_similarity(
+    keyframes: Sequence[FrameFeatures], tree: VocabularyTree
+) -> NDArray[np.float64]:
     """Cosine similarity (K, K) of the keyframes' TF-IDF vectors over the tree's leaves."""
     words = [tree.quantise(k.features.descriptors)[:, -1] for k in keyframes]
     rows = np.repeat(np.arange(len(words)), [len(w) for w in words])

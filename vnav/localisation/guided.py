@@ -8,9 +8,9 @@ from numpy.typing import NDArray
 
 from vnav.core.arrays import Array, Rows
 from vnav.core.map_index import MapIndex
-from vnav.localisation.atlas import Atlas
-from vnav.localisation.hidden import hidden
+from vnav.localisation.database import LandmarkDatabase
 from vnav.localisation.matches import Matches
+from vnav.localisation.occlusion import occluded
 from vnav.localisation.photo import Photo
 from vnav.localisation.view import MIN_DEPTH_M, View
 from vnav.localisation.words import squared_distance
@@ -56,24 +56,24 @@ class Hits:
     distance: NDArray[np.float32]
 
 
-def predict(view: View, atlas: Atlas) -> Prediction:
+def predict(view: View, database: LandmarkDatabase) -> Prediction:
     """What the view should see: in the image, and seen by a keyframe from a like viewpoint.
 
     Not what stands behind something else. Where the map knows very much, an even selection.
     """
-    index = atlas.index
-    rows = atlas.rows_of(index.landmarks_of(keyframes_around(view, index)))
+    index = database.index
+    rows = database.rows_of(index.landmarks_of(keyframes_around(view, index)))
     rows = rows[:: 1 + len(rows) // MAX_ROWS]
     rows = rows[_seen_alike(index.owner[rows], view, index)]
     points = index.points_world[index.owner[rows]]
-    return reprojected(rows[~hidden(view, points, index.voxels)], view, atlas)
+    return reprojected(rows[~occluded(view, points, index.voxels)], view, database)
 
 
-def reprojected(rows: Rows, view: View, atlas: Atlas) -> Prediction:
+def reprojected(rows: Rows, view: View, database: LandmarkDatabase) -> Prediction:
     """Where a view sees the landmarks of some rows: those in the image, large enough for SIFT."""
-    points = atlas.index.points_world[atlas.index.owner[rows]]
+    points = database.index.points_world[database.index.owner[rows]]
     px, depth = view.project(points)
-    tip, _ = view.project(points + atlas.index.patch_world[rows])
+    tip, _ = view.project(points + database.index.patch_world[rows])
     prediction = Prediction(rows, px, tip - px)
     radius = np.linalg.norm(prediction.patch_px, axis=1)
     fits = (radius > MIN_RADIUS_PX) & (radius < max(view.intrinsics.size) / 4)
@@ -89,7 +89,9 @@ def keyframes_around(view: View, index: MapIndex) -> Rows:
     return best[count[best] > 0]
 
 
-def hits(prediction: Prediction, photo: Photo, atlas: Atlas, radius_px: float) -> Hits:
+def hits(
+    prediction: Prediction, photo: Photo, database: LandmarkDatabase, radius_px: float
+) -> Hits:
     """Features near their predicted place, alike in size, orientation and descriptor."""
     patch = prediction.patch_px
     octave = np.log2(2 * np.linalg.norm(patch, axis=1))
@@ -99,16 +101,16 @@ def hits(prediction: Prediction, photo: Photo, atlas: Atlas, radius_px: float) -
         np.column_stack([prediction.px, octave, angle]),
         photo.looks[buckets.order],
         (buckets.start, buckets.order, buckets.columns),
-        (prediction.rows, atlas.index.descriptors, photo.features.descriptors),
-        (radius_px, float(atlas.index.stranger[0])),
+        (prediction.rows, database.index.descriptors, photo.features.descriptors),
+        (radius_px, float(database.index.distractor_distance[0])),
     )
     return Hits(p, f, distance)
 
 
-def matched(hits: Hits, prediction: Prediction, atlas: Atlas) -> Matches:
+def matched(hits: Hits, prediction: Prediction, database: LandmarkDatabase) -> Matches:
     """The hits, one to one, the nearest descriptors first."""
     rows = prediction.rows[hits.predicted]
-    return Matches(hits.feature, rows, atlas.index.owner[rows], hits.distance).one_to_one()
+    return Matches(hits.feature, rows, database.index.owner[rows], hits.distance).one_to_one()
 
 
 def _seen_alike(landmarks: NDArray[np.int32], view: View, index: MapIndex) -> NDArray[np.bool_]:
@@ -217,7 +219,7 @@ def _hits(
     """
     start, order, columns = buckets
     rows, descriptors, of_photo = described
-    radius, stranger = limits
+    radius, distractor_distance = limits
     pairs = [(0, 0, np.float32(0)) for _ in range(0)]
     for p in range(len(predicted)):
         x, y, octave, angle = predicted[p]
@@ -236,7 +238,7 @@ def _hits(
                     f = order[place]
                     squared = squared_distance(descriptors[rows[p]], of_photo[f])
                     distance = np.sqrt(np.float32(squared))
-                    if distance < stranger:
+                    if distance < distractor_distance:
                         pairs.append((p, f, distance))
     return (
         np.array([p for p, _, _ in pairs], np.intp),

@@ -6,10 +6,10 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from vnav.localisation.covisibility import clusters
 from vnav.localisation.evidence import Evidence, counted, evidence
 from vnav.localisation.guided import hits, matched, predict, reprojected
 from vnav.localisation.matches import Matches
-from vnav.localisation.places import places
 from vnav.localisation.query import Query
 from vnav.localisation.ransac import Consensus, Terms, agree
 from vnav.localisation.refine import refine
@@ -55,19 +55,19 @@ class Hypothesis:
 def pursue(
     found: Matches, known: list[Hypothesis], query: Query, rng: np.random.Generator
 ) -> list[Hypothesis]:
-    """The known hypotheses and those of the places that the matches tell of, the strongest first.
+    """The known hypotheses and those of the clusters that the matches form, the strongest first.
 
-    Every place has its own poses (claim 4, 2.10), so that a rival is not lost in the crowd; one
+    Every cluster has its own poses (claim 4, 2.10), so that a rival is not lost in the crowd; one
     whose matches agree with poses that are known already tells of no other, and one that can only
     muster a small part of the most matches is left.
     """
     views = [h.view for h in known]
     most = max((h.inliers for h in known), default=0)
     agreed: list[Consensus] = []
-    for place in places(found, query.atlas.index, query.config.places, _least(most)):
-        if len(query.unexplained(place.matches, views)) < LEAST:
+    for cluster in clusters(found, query.database.index, query.config.max_clusters, _least(most)):
+        if len(query.unexplained(cluster.matches, views)) < LEAST:
             continue
-        matches = completed(place.matches, query)
+        matches = completed(cluster.matches, query)
         for _ in range(ATTEMPTS):
             matches = query.unexplained(matches, views)
             consensus = _consensus(matches, _least(most), query, rng)
@@ -103,22 +103,22 @@ def _settled(view: View, query: Query, rng: np.random.Generator) -> Hypothesis |
     first = _verified(view, query)
     if first is None or first.inliers >= query.config.enough_matches:
         return first
-    prediction = predict(first.view, query.atlas)
-    around = hits(prediction, query.photo, query.atlas, WIDE_RADIUS * query.near_px)
-    consensus = _consensus(matched(around, prediction, query.atlas), LEAST, query, rng)
+    prediction = predict(first.view, query.database)
+    around = hits(prediction, query.photo, query.database, WIDE_RADIUS * query.near_px)
+    consensus = _consensus(matched(around, prediction, query.database), LEAST, query, rng)
     second = _verified(consensus.view, query) if consensus else None
     return second if second and second.strength > first.strength else first
 
 
 def _verified(view: View, query: Query) -> Hypothesis | None:
     """The pose after guided matching of what the map predicts, None where that finds too little."""
-    photo, atlas = query.photo, query.atlas
-    prediction = predict(view, atlas)
+    photo, database = query.photo, query.database
+    prediction = predict(view, database)
     for k, radius in enumerate(GUIDED_RADII):
         if k > 0:
-            prediction = reprojected(prediction.rows, view, atlas)
-        found = hits(prediction, photo, atlas, radius * query.near_px)
-        matches = matched(found, prediction, atlas)
+            prediction = reprojected(prediction.rows, view, database)
+        found = hits(prediction, photo, database, radius * query.near_px)
+        matches = matched(found, prediction, database)
         if len(matches) < query.config.min_inliers:
             return None
         refined = refine(view, query.sightings(matches, view), photo.lens)

@@ -12,7 +12,7 @@ from vnav.config import IndexConfig
 from vnav.core.arrays import Array
 from vnav.core.camera import Intrinsics
 from vnav.core.map_index import MapIndex, spans_of
-from vnav.core.mapping import Keyframe, Landmarks
+from vnav.core.mapping import FrameFeatures, Landmarks
 from vnav.core.tree import VocabularyTree
 from vnav.core.voxels import Voxels
 
@@ -25,7 +25,7 @@ APART_M = 0.10  # two landmarks nearer than this may be one and the same thing
 class MappedKeyframe:
     """A keyframe in its place: pose (4, 4), covariance (6, 6) of its tangent, and camera."""
 
-    keyframe: Keyframe
+    keyframe: FrameFeatures
     T_world_camera: Array
     covariance: Array
     intrinsics: Intrinsics
@@ -49,7 +49,7 @@ def build(
     paths = tree.quantise(means)
     order = np.lexsort(paths.T[::-1])
     means, owner, patch_world = means[order], owner[order], patch_world[order]
-    beside = _beside(landmarks, len(keyframes), config.beside_shared)
+    covisible = _covisible(landmarks, len(keyframes), config.min_shared_landmarks)
     home = landmarks.keyframe[np.unique(landmarks.landmark, return_index=True)[1]]
     by_keyframe = np.argsort(landmarks.keyframe, kind="stable")
     return MapIndex(
@@ -65,14 +65,16 @@ def build(
         seen_by=landmarks.keyframe,
         sees_start=_starts(landmarks.keyframe, len(keyframes)),
         sees=landmarks.landmark[by_keyframe],
-        neighbours=_neighbours(landmarks.points_world, home, beside, config.neighbours),
-        beside=beside,
+        neighbours=_neighbours(landmarks.points_world, home, covisible, config.neighbours),
+        covisible=covisible,
         T_world_keyframe=np.array([k.T_world_camera for k in keyframes]).reshape(-1, 4, 4),
         keyframe_covariance=np.array([k.covariance for k in keyframes]).reshape(-1, 6, 6),
         solid_away=voxels.away,
         solid_origin=voxels.origin,
         solid_m=np.array([voxels.edge_m]),
-        stranger=_stranger(means, landmarks.points_world[owner], home[owner], beside, rng),
+        distractor_distance=_distractor_distance(
+            means, landmarks.points_world[owner], home[owner], covisible, rng
+        ),
     )
 
 
@@ -119,7 +121,7 @@ def _starts(group: NDArray[np.int32], groups: int) -> NDArray[np.int32]:
     return np.append(0, np.cumsum(np.bincount(group, minlength=groups))).astype(np.int32)
 
 
-def _beside(landmarks: Landmarks, keyframes: int, shared: int) -> NDArray[np.bool_]:
+def _covisible(landmarks: Landmarks, keyframes: int, shared: int) -> NDArray[np.bool_]:
     """Pairs of keyframes that have enough landmarks in common."""
     from scipy.sparse import csr_matrix
 
@@ -130,9 +132,9 @@ def _beside(landmarks: Landmarks, keyframes: int, shared: int) -> NDArray[np.boo
 
 
 def _neighbours(
-    points: NDArray[np.float32], home: NDArray[np.int32], beside: NDArray[np.bool_], count: int
+    points: NDArray[np.float32], home: NDArray[np.int32], covisible: NDArray[np.bool_], count: int
 ) -> NDArray[np.int32]:
-    """The nearest landmarks (L, count) in space of those seen from keyframes beside one's home.
+    """The nearest landmarks (L, count) of those that keyframes covisible with one's home see.
 
     A landmark's home is the first keyframe that saw it. Claim 4, 2.6.
     """
@@ -143,18 +145,18 @@ def _neighbours(
         return found.astype(np.int32)
     _, near = cKDTree(points).query(points, min(2 * count, len(points)), workers=-1)
     near = near.reshape(len(points), -1)
-    together = beside[home[:, None], home[near]]
+    together = covisible[home[:, None], home[near]]
     place = np.cumsum(together, 1, dtype=np.int32) - 1
     row, column = np.nonzero(together & (place < count))
     found[row, place[row, column]] = near[row, column]
     return found.astype(np.int32)
 
 
-def _stranger(
+def _distractor_distance(
     descriptors: NDArray[np.uint8],
     points: NDArray[np.float32],
     home: NDArray[np.int32],
-    beside: NDArray[np.bool_],
+    covisible: NDArray[np.bool_],
     rng: np.random.Generator,
 ) -> NDArray[np.float32]:
     """How far (1,) a descriptor typically is from the nearest of another thing in its place.
@@ -165,7 +167,7 @@ def _stranger(
     sample = np.sort(rng.choice(len(descriptors), count, replace=False)) if count else np.arange(0)
     values = descriptors.astype(np.float32)
     half_norm = np.einsum("ij,ij->i", values, values) / 2
-    alike_home = beside[home]
+    alike_home = covisible[home]
 
     def nearest(part: NDArray[np.intp]) -> NDArray[np.float32]:
         half = half_norm[part, None] + half_norm - values[part] @ values.T

@@ -6,12 +6,12 @@ import numpy as np
 
 from vnav.core import se3
 from vnav.core.frame import Rejected
+from vnav.localisation.covisibility import fullness
 from vnav.localisation.evidence import posterior
 from vnav.localisation.hypotheses import Hypothesis, pursue
-from vnav.localisation.places import fullness
 from vnav.localisation.query import Query
 from vnav.localisation.refine import Lens, refine
-from vnav.localisation.search import alike, seeds
+from vnav.localisation.search import repeated_matches, seeds
 from vnav.localisation.uncertainty import Sigmas, sigmas
 from vnav.localisation.view import View
 
@@ -59,11 +59,11 @@ def localise(query: Query, rng: np.random.Generator) -> Located | NotLocated:
     found = seeds(query)
     hypotheses = pursue(found, [], query, rng)
     if hypotheses and posterior([hypotheses[0].evidence])[0] >= config.min_confidence:
-        again = alike(hypotheses[0].matches.feature, query)
+        again = repeated_matches(hypotheses[0].matches.feature, query)
     else:
-        again = found = alike(np.arange(len(features)), query)
+        again = found = repeated_matches(np.arange(len(features)), query)
     hypotheses = pursue(again, hypotheses, query, rng)
-    fullest = fullness(found, query.atlas.index).max(initial=0)
+    fullest = fullness(found, query.database.index).max(initial=0)
     if not hypotheses and fullest < config.min_inliers:
         return NotLocated("too few matches", len(found))
     return _verdict(hypotheses, len(found), query)
@@ -89,7 +89,7 @@ def _verdict(hypotheses: list[Hypothesis], matches: int, query: Query) -> Locate
         return NotLocated("no consistent pose", matches, inliers, places, chances)
     if chances[0] < wanted:
         return NotLocated("ambiguous", matches, inliers, places, chances)
-    error = sigmas(places[0], query.atlas.index)
+    error = sigmas(places[0], query.database.index)
     confidence = chances[0] * error.within(NEAR_M, NEAR_RAD)
     if confidence < wanted:
         reason = f"the pose is too uncertain: {error}"

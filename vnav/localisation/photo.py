@@ -14,7 +14,7 @@ from vnav.core.frame import Features
 from vnav.core.map_index import spans_of
 from vnav.core.tree import VocabularyTree
 from vnav.localisation.refine import Lens
-from vnav.localisation.words import Database
+from vnav.localisation.words import InvertedFile
 
 SAME_KEYPOINT_PX = 2.0  # a keypoint's second orientation lies nearer than this
 
@@ -32,9 +32,9 @@ class Photo:
     lens: Lens
 
     @cached_property
-    def database(self) -> Database:
+    def database(self) -> InvertedFile:
         """The features as what landmarks are searched in."""
-        return Database(self.features.descriptors, self.features.keypoints_px, SAME_KEYPOINT_PX)
+        return InvertedFile(self.features.descriptors, self.features.keypoints_px, SAME_KEYPOINT_PX)
 
     @property
     def intrinsics(self) -> Intrinsics:

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from vnav.config import LocateConfig
-from vnav.localisation.atlas import Atlas
+from vnav.localisation.database import LandmarkDatabase
 from vnav.localisation.matches import Matches
 from vnav.localisation.photo import Photo
 from vnav.localisation.refine import Sightings
@@ -19,7 +19,7 @@ class Query:
     """The photo, the map it is searched in, and how."""
 
     photo: Photo
-    atlas: Atlas
+    database: LandmarkDatabase
     config: LocateConfig
 
     @property
@@ -32,13 +32,13 @@ class Query:
 
         It adds the keypoint's noise and the landmark's, as large as it looks from there.
         """
-        points = self.atlas.index.points_world[matches.landmark]
+        points = self.database.index.points_world[matches.landmark]
         px = self.photo.features.keypoints_px[matches.feature]
         keypoint_px = np.full(len(px), self.config.pixel_sigma_px * self.photo.pixel)
         if view is None:
             return Sightings(points, px, keypoint_px**2)
         depth = np.maximum(view.project(points)[1], MIN_DEPTH_M)
-        landmark_px = view.intrinsics.fx * self.atlas.index.sigma_m[matches.landmark] / depth
+        landmark_px = view.intrinsics.fx * self.database.index.sigma_m[matches.landmark] / depth
         return Sightings(points, px, keypoint_px**2 + landmark_px**2)
 
     def unexplained(self, matches: Matches, views: list[View]) -> Matches:

@@ -10,7 +10,7 @@ from vnav.core.arrays import Floats, Rows, frozen
 
 
 @dataclass(frozen=True)
-class Database:
+class InvertedFile:
     """Descriptors (D, 128), bytes, in the order of the tree's leaves, and where each lies.
 
     Two descriptors whose ``position`` (D, k) differs by less than ``apart`` in every coordinate
@@ -28,7 +28,7 @@ class Database:
 
 
 def nearest_apart(
-    queries: NDArray[np.uint8], span: NDArray[np.int32], database: Database, count: int
+    queries: NDArray[np.uint8], span: NDArray[np.int32], database: InvertedFile, count: int
 ) -> tuple[Rows, Floats]:
     """The ``count`` nearest rows of the database (Q, count) in each query's range, and distances.
 

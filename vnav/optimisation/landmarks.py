@@ -11,7 +11,7 @@ from scipy.sparse import csr_array
 from vnav.config import OptimiseConfig
 from vnav.core.arrays import Array, Rows
 from vnav.core.frame import Edge
-from vnav.core.mapping import Keyframe, Landmarks
+from vnav.core.mapping import FrameFeatures, Landmarks
 from vnav.core.tracks import merge
 from vnav.optimisation.bundle import (
     Bundle,
@@ -32,7 +32,7 @@ ROUGH_ITERATIONS = 4  # of a round that another one follows
 class Tracks:
     """Every feature of every keyframe as an observation of its track's 3D point."""
 
-    def __init__(self, keyframes: Sequence[Keyframe], matches: NDArray[np.int32]) -> None:
+    def __init__(self, keyframes: Sequence[FrameFeatures], matches: NDArray[np.int32]) -> None:
         counts = np.array([len(k.features) for k in keyframes], np.int32)
         camera = np.repeat(np.arange(len(counts), dtype=np.int32), counts)
         px = np.concatenate([k.features.keypoints_px for k in keyframes]).astype(float)
@@ -67,7 +67,7 @@ class Tracks:
 
 @dataclass(frozen=True)
 class Adjusted:
-    """Keyframe poses (K, 4, 4) and covariances (K, 6, 6), landmarks, and the error on the way.
+    """FrameFeatures poses (K, 4, 4) and covariances (K, 6, 6), landmarks, and the error on the way.
 
     ``depth_offset``: what measured inverse depths have too much, in 1/m; landmarks are without.
     """

@@ -74,7 +74,7 @@ def solve(
     adjusted = _adjust(poses, odometry, kept, matches, cameras, config)
     progress("optimise", 2, 3)
     poses = _carried(poses, adjusted, odometry, edges)
-    poses, others = _hung(poses, odometry, others, config.odometry.max_loose_frames)
+    poses, others = _hung(poses, odometry, others, config.odometry.max_degenerate_frames)
     progress("optimise", 3, 3)
     return Solved(poses, adjusted, graph, kept, others)
 
@@ -166,7 +166,7 @@ def _joined(poses: Array, odometry: Odometry, closed: set[tuple[int, int]]) -> l
     if not odometry.given:
         followed = neighbours | set(pairwise(range(len(rows))))
         between = [(rows[i], rows[j]) for i, j in followed if posed[i] and posed[j]]
-        for e in pose_graph.along((*odometry.edges, *odometry.loose_edges), between):
+        for e in pose_graph.along((*odometry.edges, *odometry.degenerate_edges), between):
             i, j = number[e.i], number[e.j]
             joined[i, j] = Edge(i, j, e.T_i_j, e.information / ALONG_FACTOR**2)
     return [joined[pair] for pair in sorted(joined)]
@@ -188,7 +188,9 @@ def _hung(
     """
     large = [rows for rows in others.values() if len(rows) > most]
     apart = np.isin(np.arange(len(poses)), np.concatenate([[-1], *large]))
-    edges = [e for e in (*odometry.edges, *odometry.loose_edges) if not (apart[e.i] or apart[e.j])]
+    edges = [
+        e for e in (*odometry.edges, *odometry.degenerate_edges) if not (apart[e.i] or apart[e.j])
+    ]
     held = np.flatnonzero(np.isfinite(poses[:, 0, 0]))
     poses = reached(poses, edges)
     known = np.isfinite(poses[:, 0, 0])

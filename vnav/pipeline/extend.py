@@ -148,7 +148,8 @@ def append(old: Odometry, new: Odometry, T_world_camera: Array) -> Odometry:
         old.edges + tuple(_moved(edge, rows) for edge in new.edges),
         old.keyframes + tuple(dataclasses.replace(k, row=k.row + rows) for k in new.keyframes),
         T_world_before=np.concatenate([T_world_camera, nowhere]),
-        loose_edges=old.loose_edges + tuple(_moved(edge, rows) for edge in new.loose_edges),
+        degenerate_edges=old.degenerate_edges
+        + tuple(_moved(edge, rows) for edge in new.degenerate_edges),
     )
 
 

@@ -12,13 +12,13 @@ from vnav.config import Config
 from vnav.core import se3
 from vnav.core.arrays import Array
 from vnav.core.camera import Intrinsics
-from vnav.core.mapping import Keyframe, Odometry
+from vnav.core.mapping import FrameFeatures, Odometry
 from vnav.core.progress import Progress, silent
 from vnav.features.appearance import tfidf_similarity
 from vnav.io.store.index_file import load_index
 from vnav.io.store.map_folder import MapFolder
 from vnav.io.store.tree_file import load_tree
-from vnav.localisation.atlas import Atlas
+from vnav.localisation.database import LandmarkDatabase
 from vnav.localisation.localise import Located, NotLocated, localise
 from vnav.localisation.photo import prepare
 from vnav.localisation.query import Query
@@ -79,14 +79,14 @@ def recognise(
     ``folder`` is the map without that capture, ``odometry`` the one with it, whose last capture
     was taken by ``camera``.
     """
-    atlas = Atlas(load_index(folder), load_tree(folder))
+    database = LandmarkDatabase(load_index(folder), load_tree(folder))
 
-    def ask(keyframe: Keyframe) -> Located | NotLocated:
-        photo = prepare(keyframe.features, camera, 0.0, atlas.tree)
-        query = Query(photo, atlas, config.locate)
+    def ask(keyframe: FrameFeatures) -> Located | NotLocated:
+        photo = prepare(keyframe.features, camera, 0.0, database.tree)
+        query = Query(photo, database, config.locate)
         return localise(query, np.random.default_rng(config.seed))
 
-    keyframes = _most_alike(odometry, atlas)[:MOST]
+    keyframes = _most_alike(odometry, database)[:MOST]
     answers: list[Located | NotLocated] = []
     found = _recognised([], [], odometry)
     with ThreadPoolExecutor(os.cpu_count()) as pool:
@@ -98,17 +98,17 @@ def recognise(
     return found
 
 
-def _most_alike(odometry: Odometry, atlas: Atlas) -> list[Keyframe]:
+def _most_alike(odometry: Odometry, database: LandmarkDatabase) -> list[FrameFeatures]:
     """Keyframes of the last capture, those first that look most like one of the others."""
     keyframes, captures = odometry.keyframes, odometry.frames.capture
     is_new = captures[[k.row for k in keyframes]] == captures[-1]
-    likeness = tfidf_similarity(keyframes, atlas.tree)[is_new][:, ~is_new].max(1)
+    likeness = tfidf_similarity(keyframes, database.tree)[is_new][:, ~is_new].max(1)
     new = np.flatnonzero(is_new)
     return [keyframes[k] for k in new[np.argsort(-likeness, kind="stable")]]
 
 
 def _recognised(
-    keyframes: Sequence[Keyframe], answers: Sequence[Located | NotLocated], odometry: Odometry
+    keyframes: Sequence[FrameFeatures], answers: Sequence[Located | NotLocated], odometry: Odometry
 ) -> Recognised:
     """What the answers for the first of some keyframes say together."""
     pairs = zip(keyframes, answers, strict=False)

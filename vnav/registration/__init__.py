@@ -11,7 +11,7 @@ from vnav.core import se3
 from vnav.core.arrays import Array
 from vnav.core.camera import Intrinsics
 from vnav.core.frame import Features, PoseEstimate, Rejected
-from vnav.core.mapping import Keyframe
+from vnav.core.mapping import FrameFeatures
 from vnav.registration.pairs import Pairs
 
 SAMPLE = 3  # matched points that fix a rigid transformation
@@ -51,8 +51,8 @@ class Sensor:
 
 
 def register(
-    a: Keyframe,
-    b: Keyframe,
+    a: FrameFeatures,
+    b: FrameFeatures,
     sensor: Sensor,
     rng: np.random.Generator,
     predicted: Array | None = None,
@@ -85,8 +85,8 @@ def register(
 
 
 def matches_near(
-    a: Keyframe,
-    b: Keyframe,
+    a: FrameFeatures,
+    b: FrameFeatures,
     T_a_b: Array,
     sensor: Sensor,
     radius_px: float,
@@ -98,7 +98,9 @@ def matches_near(
     a, among the features that have no depth. Only the ``strongest`` are sought, or all.
     """
 
-    def sought(a: Keyframe, b: Keyframe, T_a_b: Array, of_b: Intrinsics) -> NDArray[np.int32]:
+    def sought(
+        a: FrameFeatures, b: FrameFeatures, T_a_b: Array, of_b: Intrinsics
+    ) -> NDArray[np.int32]:
         predicted_px = np.full((len(a.features), 2), np.nan)
         seen_from_b = se3.transform(se3.inverse(T_a_b), a.points_camera[:strongest])
         predicted_px[:strongest] = of_b.project(seen_from_b)
@@ -114,8 +116,8 @@ def matches_near(
 
 
 def _estimate(
-    a: Keyframe,
-    b: Keyframe,
+    a: FrameFeatures,
+    b: FrameFeatures,
     matches: NDArray[np.int32],
     sensor: Sensor,
     rng: np.random.Generator,
@@ -134,7 +136,9 @@ def _estimate(
     return _refined(T_a_b, pairs, matches, config)
 
 
-def _polished(found: PoseEstimate, a: Keyframe, b: Keyframe, sensor: Sensor) -> PoseEstimate:
+def _polished(
+    found: PoseEstimate, a: FrameFeatures, b: FrameFeatures, sensor: Sensor
+) -> PoseEstimate:
     """The estimate from all matches close to where the motion puts them, if those are more."""
     closer = matches_near(a, b, found.T_a_b, sensor, sensor.config.polish_radius_px)
     if len(closer) <= len(found.inliers):

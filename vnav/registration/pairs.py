@@ -7,7 +7,7 @@ from vnav.config import RegistrationConfig
 from vnav.core import se3
 from vnav.core.arrays import Array
 from vnav.core.camera import Intrinsics
-from vnav.core.mapping import Keyframe
+from vnav.core.mapping import FrameFeatures
 from vnav.registration.consensus import best_motion
 from vnav.registration.refinement import gauss_newton
 
@@ -20,8 +20,8 @@ class Pairs:
 
     def __init__(
         self,
-        a: Keyframe,
-        b: Keyframe,
+        a: FrameFeatures,
+        b: FrameFeatures,
         matches: NDArray[np.int32],
         cameras: tuple[Intrinsics, Intrinsics],
         config: RegistrationConfig,

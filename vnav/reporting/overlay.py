@@ -10,7 +10,7 @@ from vnav.core.voxels import Voxels
 from vnav.errors import VnavError
 from vnav.io.photos.photos import read_photo
 from vnav.localisation.answer import PhotoAnswer, summary
-from vnav.localisation.atlas import Atlas
+from vnav.localisation.database import LandmarkDatabase
 from vnav.localisation.guided import predict
 from vnav.localisation.hypotheses import Hypothesis
 from vnav.reporting.inset import GREEN, RED, Inset
@@ -19,7 +19,7 @@ YELLOW, BLUE = (0, 220, 255), (255, 150, 60)  # BGR
 MOST_PLACES = 8  # drawn of a photo that was not located
 
 
-def draw(answer: PhotoAnswer, atlas: Atlas, path: Path) -> None:
+def draw(answer: PhotoAnswer, database: LandmarkDatabase, path: Path) -> None:
     """Write a picture: blue what the map predicts, green the inliers, yellow how far they are off.
 
     Beside it the map from above: the camera in green, with its uncertainty. A photo that was not
@@ -28,11 +28,11 @@ def draw(answer: PhotoAnswer, atlas: Atlas, path: Path) -> None:
     """
     canvas = _seen(answer)
     if answer.best is not None:
-        _draw_pose(canvas, answer, answer.best, atlas)
+        _draw_pose(canvas, answer, answer.best, database)
     else:
         for x, y in answer.photo.features.keypoints_px:
             cv2.circle(canvas, (round(x), round(y)), 2, RED, -1, cv2.LINE_AA)
-    canvas = _beside(canvas, answer, atlas.index.voxels)
+    canvas = _beside(canvas, answer, database.index.voxels)
     _draw_title(canvas, summary(answer).removeprefix(f"{answer.path}: "))
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -55,12 +55,12 @@ def _seen(answer: PhotoAnswer) -> NDArray[np.uint8]:
 
 
 def _draw_pose(
-    canvas: NDArray[np.uint8], answer: PhotoAnswer, best: Hypothesis, atlas: Atlas
+    canvas: NDArray[np.uint8], answer: PhotoAnswer, best: Hypothesis, database: LandmarkDatabase
 ) -> None:
-    for x, y in predict(best.view, atlas).px:
+    for x, y in predict(best.view, database).px:
         cv2.circle(canvas, (round(x), round(y)), 1, BLUE, -1, cv2.LINE_AA)
     features = answer.photo.features.keypoints_px[best.matches.feature]
-    landmarks, _ = best.view.project(atlas.index.points_world[best.matches.landmark])
+    landmarks, _ = best.view.project(database.index.points_world[best.matches.landmark])
     for feature, landmark in zip(features, landmarks, strict=True):
         place = round(feature[0]), round(feature[1])
         cv2.line(canvas, place, (round(landmark[0]), round(landmark[1])), YELLOW, 1, cv2.LINE_AA)

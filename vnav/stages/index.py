@@ -14,7 +14,7 @@ from vnav.io.store.index_file import write_index
 from vnav.io.store.map_folder import MapFolder
 from vnav.io.store.stage_reports import clock, finished, reused, settings_of
 from vnav.io.store.tree_file import load_tree
-from vnav.localisation.atlas import Atlas
+from vnav.localisation.database import LandmarkDatabase
 from vnav.localisation.indexing import MappedKeyframe, build
 from vnav.localisation.localise import Located, localise
 from vnav.localisation.photo import prepare
@@ -39,7 +39,7 @@ def run(folder: MapFolder, config: Config, *, progress: Progress = silent) -> Re
     progress(STAGE, 0, 1)
     rng = np.random.default_rng([config.seed, 3])
     index = build(optimised.landmarks, keyframes, tree, _voxels(folder), config.index, rng)
-    found, asked = _found_again(Atlas(index, tree), keyframes, config)
+    found, asked = _found_again(LandmarkDatabase(index, tree), keyframes, config)
     progress(STAGE, 1, 1)
 
     with folder.writing(STAGE, settings, inputs) as draft:
@@ -55,7 +55,7 @@ def run(folder: MapFolder, config: Config, *, progress: Progress = silent) -> Re
 
 
 def _found_again(
-    atlas: Atlas, keyframes: Sequence[MappedKeyframe], config: Config
+    database: LandmarkDatabase, keyframes: Sequence[MappedKeyframe], config: Config
 ) -> tuple[int, int]:
     """How many of some keyframes are located by their own features, and how many of them there are.
 
@@ -63,9 +63,9 @@ def _found_again(
     """
     mapped = [k for k in keyframes if np.isfinite(k.T_world_camera).all()]
     chosen = mapped[:: max(1, len(mapped) // ASKED)][:ASKED]
-    photos = [prepare(k.keyframe.features, k.intrinsics, 0.0, atlas.tree) for k in chosen]
+    photos = [prepare(k.keyframe.features, k.intrinsics, 0.0, database.tree) for k in chosen]
     rng = np.random.default_rng(config.seed)
-    answers = [localise(Query(photo, atlas, config.locate), rng) for photo in photos]
+    answers = [localise(Query(photo, database, config.locate), rng) for photo in photos]
     return sum(isinstance(answer, Located) for answer in answers), len(chosen)
 
 

@@ -24,7 +24,7 @@ from vnav.io.store.index_file import load_index
 from vnav.io.store.map_folder import MapFolder
 from vnav.io.store.tree_file import load_tree
 from vnav.localisation.answer import PhotoAnswer, UnreadablePhoto
-from vnav.localisation.atlas import Atlas
+from vnav.localisation.database import LandmarkDatabase
 from vnav.localisation.localise import Located, NotLocated, localise, own_focal
 from vnav.localisation.photo import prepare
 from vnav.localisation.query import Query
@@ -42,7 +42,7 @@ class Locator:
     def __init__(self, folder: MapFolder, config: Config, camera: Path | str | None = None) -> None:
         """``camera``: of all photos, a camera.toml or "auto"; None: see `photo_camera`."""
         Thread(target=load_compiled).start()  # while the index is read and features are found
-        self.atlas = Atlas(load_index(folder), load_tree(folder))
+        self.database = LandmarkDatabase(load_index(folder), load_tree(folder))
         self._config, self._camera = config, camera
         self._map_cameras = [map_camera(folder, k) for k in range(len(folder.captures))]
         recorded = FeaturesConfig(**folder.settings("odometry")["features"])
@@ -60,8 +60,8 @@ class Locator:
         intrinsics = camera.intrinsics.scaled(image.shape[1], image.shape[0])
         features = self._front_end.extract(brightened(image))
         clock.append(time.monotonic())
-        photo = prepare(features, intrinsics, camera.focal_sigma, self.atlas.tree)
-        query = Query(photo, self.atlas, self._config.locate)
+        photo = prepare(features, intrinsics, camera.focal_sigma, self.database.tree)
+        query = Query(photo, self.database, self._config.locate)
         result = localise(query, np.random.default_rng(self._config.seed))
         clock.append(time.monotonic())
         spent = np.round(np.diff(clock), 4).tolist()

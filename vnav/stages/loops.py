@@ -58,7 +58,7 @@ class Closures:
 
     @property
     def matches(self) -> NDArray[np.int32]:
-        """Keyframe, feature, keyframe, feature of every match of an accepted pair."""
+        """FrameFeatures, feature, keyframe, feature of every match of an accepted pair."""
         return np.concatenate([np.zeros((0, 4), np.int32), *self.parts])
 
     @property

@@ -13,7 +13,7 @@ import numpy as np
 
 from vnav.config import Config
 from vnav.core.frame import Frame
-from vnav.core.mapping import LOST, FrameTable, Keyframe, Odometry
+from vnav.core.mapping import LOST, FrameFeatures, FrameTable, Odometry
 from vnav.core.progress import Progress, silent
 from vnav.core.report import Report
 from vnav.core.trajectory import Trajectory
@@ -92,7 +92,7 @@ def track(
 class _Seen:
     """A frame, its features, and the sensor that took it."""
 
-    keyframe: Keyframe
+    keyframe: FrameFeatures
     frame: Frame
     sensor: Sensor
 
@@ -114,7 +114,7 @@ def _described_frames(
         features = extract(frame.color)
         near = np.where(frame.depth_m <= farthest, frame.depth_m, np.float32(0))
         points = lift(features.keypoints_px, near, sensor.intrinsics, config.registration)
-        return _Seen(Keyframe(row, features, points), frame, sensor)
+        return _Seen(FrameFeatures(row, features, points), frame, sensor)
 
     threads = cv2.getNumThreads()
     cv2.setNumThreads(1)

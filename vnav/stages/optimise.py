@@ -156,8 +156,8 @@ def _report(solved: Solved, result: OptimisedMap, odometry: Odometry) -> Report:
     warnings = []
     for name, rows in solved.others.items():
         warnings.append(
-            f"{odometry.frames.told(rows)} are a part of their own, for no loop joins them to the"
-            f" rest: their trajectory is in optimise/{name}, the map is of the main part"
+            f"{odometry.frames.rows_text(rows)} are a part of their own, for no loop joins them to"
+            f" the rest: their trajectory is in optimise/{name}, the map is of the main part"
         )
     if odometry.given and rejected > kept:
         warnings.append(

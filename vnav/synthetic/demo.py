@@ -71,7 +71,7 @@ def run(
     photos = [a for a in locate(locator, files, progress=progress) if isinstance(a, PhotoAnswer)]
     ends = _farthest_apart(photos, read_photo_poses(capture / TRUTH))
     remember(folder, ends[0])
-    overlay.draw(ends[0], locator.atlas, out / "photo.jpg")
+    overlay.draw(ends[0], locator.database, out / "photo.jpg")
 
     poses = {answer.path: _pose(answer) for answer in ends}
     start, goal = (str(answer.path) for answer in ends)

@@ -18,7 +18,7 @@ class DenseTracker:
     """Keeps the last tracked frame, to follow the next one from it."""
 
     def __init__(self, config: OdometryConfig) -> None:
-        self._most = config.max_loose_frames
+        self._most = config.max_degenerate_frames
         self._last: tuple[int, Frame] | None = None
         self._steps_s: deque[float] = deque(maxlen=REMEMBERED)
         self._loose = 0

@@ -9,7 +9,7 @@ from vnav.core import se3
 from vnav.core.arrays import Array
 from vnav.core.association import associate, span
 from vnav.core.frame import Edge, Frame
-from vnav.core.mapping import LOST, FrameTable, Keyframe, Odometry
+from vnav.core.mapping import LOST, FrameFeatures, FrameTable, Odometry
 from vnav.core.trajectory import Trajectory
 from vnav.errors import CaptureError, TrajectoryError
 from vnav.registration import Sensor, matches_near
@@ -44,12 +44,12 @@ class GivenPoses:
     def __init__(self, T_world_camera: Array, config: Config) -> None:
         self._config = config
         self._poses = T_world_camera.copy()
-        self._keyframes: list[Keyframe] = []
-        self._previous: Keyframe | None = None
+        self._keyframes: list[FrameFeatures] = []
+        self._previous: FrameFeatures | None = None
         without = np.flatnonzero(np.isnan(T_world_camera[:, 0, 0]))
         self._reasons = {int(row): NO_POSE for row in without}
 
-    def add(self, view: Keyframe, _frame: Frame, sensor: Sensor) -> bool:
+    def add(self, view: FrameFeatures, _frame: Frame, sensor: Sensor) -> bool:
         """Take the next frame; True where it is kept as a keyframe."""
         if view.row in self._reasons or view.has_depth.sum() < sensor.config.min_inliers:
             return False
@@ -64,7 +64,7 @@ class GivenPoses:
         self._reasons.setdefault(row, reason)
         self._poses[row] = np.nan
 
-    def _is_far(self, view: Keyframe, sensor: Sensor) -> bool:
+    def _is_far(self, view: FrameFeatures, sensor: Sensor) -> bool:
         """From the last keyframe, by motion and by what both see, as in tracking."""
         assert self._previous is not None
         settings, last = self._config.odometry, self._keyframes[-1]
@@ -78,12 +78,12 @@ class GivenPoses:
             or shared < settings.keyframe_shared
         )
 
-    def _matches(self, a: Keyframe, b: Keyframe, sensor: Sensor) -> int:
+    def _matches(self, a: FrameFeatures, b: FrameFeatures, sensor: Sensor) -> int:
         """How many of a's features are found close to where the poses put them in b."""
         radius_px = sensor.config.search_radius_px
         return len(matches_near(a, b, self._motion(a, b), sensor, radius_px))
 
-    def _motion(self, a: Keyframe, b: Keyframe) -> Array:
+    def _motion(self, a: FrameFeatures, b: FrameFeatures) -> Array:
         return np.asarray(se3.inverse(self._poses[a.row]) @ self._poses[b.row])
 
     def result(self, frames: FrameTable) -> Odometry:

@@ -9,7 +9,7 @@ from vnav.config import Config
 from vnav.core import se3
 from vnav.core.frame import Edge, Frame, PoseEstimate, Rejected
 from vnav.core.graph import chain
-from vnav.core.mapping import LOST, FrameTable, Keyframe, Odometry
+from vnav.core.mapping import LOST, FrameFeatures, FrameTable, Odometry
 from vnav.errors import CaptureError
 from vnav.features.appearance import signature
 from vnav.registration import Sensor, register
@@ -24,16 +24,16 @@ class VisualOdometry:
 
     def __init__(self, config: Config) -> None:
         self._config = config
-        self._keyframes: list[Keyframe] = []
+        self._keyframes: list[FrameFeatures] = []
         self._signatures: list[NDArray[np.float32]] = []
-        self._previous: Keyframe | None = None
+        self._previous: FrameFeatures | None = None
         self._motion = Motion()
         self._edges: list[Edge] = []
         self._dense = DenseTracker(config.odometry)
-        self._loose_edges: list[Edge] = []
+        self._degenerate_edges: list[Edge] = []
         self._reasons: dict[int, str] = {}
 
-    def add(self, view: Keyframe, frame: Frame, sensor: Sensor) -> bool:
+    def add(self, view: FrameFeatures, frame: Frame, sensor: Sensor) -> bool:
         """Follow the next frame; True where it is kept as a keyframe."""
         self._motion.approach(frame.stamp_s)
         found = self._follow(view, sensor)
@@ -64,7 +64,7 @@ class VisualOdometry:
         """Leave a frame out, and say why."""
         self._reasons[row] = reason
 
-    def _follow(self, view: Keyframe, sensor: Sensor) -> dict[int, PoseEstimate]:
+    def _follow(self, view: FrameFeatures, sensor: Sensor) -> dict[int, PoseEstimate]:
         """Estimates by row: last keyframe and predecessor; else recent ones; else alike ones."""
         if self._previous is None:
             return {}
@@ -76,7 +76,7 @@ class VisualOdometry:
                 return {target.row: estimate}
         return found
 
-    def _from_nearest(self, view: Keyframe, sensor: Sensor) -> dict[int, PoseEstimate]:
+    def _from_nearest(self, view: FrameFeatures, sensor: Sensor) -> dict[int, PoseEstimate]:
         """Estimates by row, from the last keyframe and the predecessor."""
         previous = () if self._previous is None else (self._previous,)
         nearest = {k.row: k for k in (*self._keyframes[-1:], *previous)}
@@ -104,10 +104,10 @@ class VisualOdometry:
             edge = Edge(self._dense.last, row, dense.T_a_b, dense.information)
             (edges if dense.firm else loose).append(edge)
         self._edges += edges
-        self._loose_edges += loose
+        self._degenerate_edges += loose
         self._motion.follow(row, {e.i: e.T_i_j for e in edges or loose})
 
-    def _others(self, view: Keyframe) -> Iterator[Keyframe]:
+    def _others(self, view: FrameFeatures) -> Iterator[FrameFeatures]:
         """Recent keyframes, newest first, then the most similar of the rest."""
         recent = self._config.odometry.recent_keyframes
         yield from reversed(self._keyframes[-1 - recent : -1])
@@ -119,12 +119,12 @@ class VisualOdometry:
                 yield self._keyframes[k]
 
     def _register(
-        self, target: Keyframe, view: Keyframe, sensor: Sensor
+        self, target: FrameFeatures, view: FrameFeatures, sensor: Sensor
     ) -> PoseEstimate | Rejected:
         rng = np.random.default_rng([self._config.seed, target.row, view.row])
         return register(target, view, sensor, rng, self._motion.predicted(target.row))
 
-    def _is_keyframe(self, view: Keyframe, found: dict[int, PoseEstimate]) -> bool:
+    def _is_keyframe(self, view: FrameFeatures, found: dict[int, PoseEstimate]) -> bool:
         """By motion and shared view; also where the last keyframe is out of sight."""
         settings = self._config.odometry
         if not self._keyframes or self._keyframes[-1].row not in found:
@@ -157,8 +157,8 @@ class VisualOdometry:
         )
         keyframes = tuple(self._keyframes)
         edges = tuple(e for e in self._edges if segment[e.i] != LOST)
-        loose = (*self._loose_edges, *(e for e in self._edges if segment[e.i] == LOST))
-        return Odometry(frames, poses, segment, reasons, edges, keyframes, loose_edges=loose)
+        loose = (*self._degenerate_edges, *(e for e in self._edges if segment[e.i] == LOST))
+        return Odometry(frames, poses, segment, reasons, edges, keyframes, degenerate_edges=loose)
 
 
 def _are_weak(found: dict[int, PoseEstimate]) -> bool:

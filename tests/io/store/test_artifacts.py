@@ -11,8 +11,8 @@ from vnav.core import se3
 from vnav.core.frame import Edge, Features, Frame
 from vnav.core.mapping import (
     LOST,
+    FrameFeatures,
     FrameTable,
-    Keyframe,
     Landmarks,
     LoopVerdict,
     Odometry,
@@ -37,7 +37,7 @@ def saved(folder: MapFolder, stage: str, save: Callable[[Path], None]) -> MapFol
     return folder
 
 
-def keyframe(row: int, count: int) -> Keyframe:
+def keyframe(row: int, count: int) -> FrameFeatures:
     features = Features(
         RNG.uniform(0, 99, (count, 2)),
         RNG.integers(0, 256, (count, 128)),
@@ -47,7 +47,7 @@ def keyframe(row: int, count: int) -> Keyframe:
     )
     points = RNG.random((count, 3)).astype(np.float32)
     points[::3] = np.nan
-    return Keyframe(row, features, points)
+    return FrameFeatures(row, features, points)
 
 
 def edges(count: int) -> tuple[Edge, ...]:

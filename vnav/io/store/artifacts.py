@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from vnav.core.camera import Intrinsics
 from vnav.core.frame import Edge, Features, Frame
 from vnav.core.mapping import (
+    FrameFeatures,
     FrameTable,
-    Keyframe,
     Landmarks,
     LoopVerdict,
     Odometry,
@@ -49,7 +49,7 @@ def save_odometry(draft: Path, odometry: Odometry) -> None:
     )
     write_text(draft / "lost.json", to_json({r: t for r, t in enumerate(odometry.reasons) if t}))
     save_arrays(draft / "edges.npz", **edges_to_arrays(odometry.edges))
-    save_arrays(draft / "loose_edges.npz", **edges_to_arrays(odometry.loose_edges))
+    save_arrays(draft / "degenerate_edges.npz", **edges_to_arrays(odometry.degenerate_edges))
     save_arrays(draft / "keyframes.npz", **_keyframes_to_arrays(odometry.keyframes))
 
 
@@ -67,7 +67,7 @@ def load_odometry(folder: MapFolder) -> Odometry:
         _keyframes_from_arrays(_load(stage / "keyframes.npz")),
         bool(frames.get("given", False)),
         frames.get("T_world_before"),
-        edges_from_arrays(_load(stage / "loose_edges.npz")),
+        edges_from_arrays(_load(stage / "degenerate_edges.npz")),
     )
 
 
@@ -194,7 +194,7 @@ def edges_from_arrays(arrays: Arrays) -> tuple[Edge, ...]:
     return tuple(Edge(int(i), int(j), T, L) for i, j, T, L in zip(*columns, strict=True))
 
 
-def _keyframes_to_arrays(keyframes: Iterable[Keyframe]) -> Arrays:
+def _keyframes_to_arrays(keyframes: Iterable[FrameFeatures]) -> Arrays:
     keyframes = list(keyframes)
     fields = ("keypoints_px", "descriptors", "scores", "scales_px", "angles_rad")
     arrays = {
@@ -207,13 +207,13 @@ def _keyframes_to_arrays(keyframes: Iterable[Keyframe]) -> Arrays:
     }
 
 
-def _keyframes_from_arrays(arrays: Arrays) -> tuple[Keyframe, ...]:
+def _keyframes_from_arrays(arrays: Arrays) -> tuple[FrameFeatures, ...]:
     ends = np.cumsum(arrays["count"])
     fields = ("keypoints_px", "descriptors", "scores", "scales_px", "angles_rad")
     keyframes = []
     for row, begin, end in zip(arrays["row"], ends - arrays["count"], ends, strict=True):
         features = Features(*(arrays[name][begin:end] for name in fields))
-        keyframes.append(Keyframe(int(row), features, arrays["points_camera"][begin:end]))
+        keyframes.append(FrameFeatures(int(row), features, arrays["points_camera"][begin:end]))
     return tuple(keyframes)
 
 

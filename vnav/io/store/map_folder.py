@@ -17,7 +17,7 @@ from typing import Any
 from vnav import __version__
 from vnav.errors import MapError, StaleArtifact
 
-FORMAT = 1
+FORMAT = 2
 STAGES = ("odometry", "vocabulary", "loops", "optimise", "fuse", "index")
 _LEFTOVERS = tuple(f".{stage}.{end}" for stage in STAGES for end in ("draft", "old"))
 _OWN = (*_LEFTOVERS, *STAGES, "reports", "state")
@@ -145,7 +145,7 @@ class MapFolder:
                     f" {self.root} --fresh'"
                 )
 
-    def strangers(self) -> list[Path]:
+    def foreign_files(self) -> list[Path]:
         """What lies in the folder and is not vnav's."""
         own = {*_OWN, "map.json", ".map.json.draft"}
         return sorted(path for path in self.root.iterdir() if path.name not in own)

@@ -25,7 +25,7 @@ def replacing(folder: MapFolder) -> Iterator[MapFolder]:
     except VnavError:
         shutil.rmtree(draft, ignore_errors=True)
         raise
-    for path in folder.strangers():
+    for path in folder.foreign_files():
         copy = shutil.copytree if path.is_dir() else shutil.copy2
         copy(path, draft / path.name)
     shutil.rmtree(old, ignore_errors=True)

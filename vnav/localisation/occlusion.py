@@ -12,7 +12,7 @@ FROM_M = 0.15  # the camera itself may touch what it stands on
 BEFORE_M, BEFORE = 0.20, 0.05  # so near to the landmark, and this share of the way, is the landmark
 
 
-def hidden(view: View, points_world: NDArray[np.float32], voxels: Voxels) -> NDArray[np.bool_]:
+def occluded(view: View, points_world: NDArray[np.float32], voxels: Voxels) -> NDArray[np.bool_]:
     """Which points (N, 3) stand behind something: the way to them is sampled once a voxel."""
     if not voxels.away.size:
         return np.zeros(len(points_world), bool)

@@ -9,23 +9,23 @@ from numpy.typing import NDArray
 from vnav.core.arrays import Rows
 from vnav.core.map_index import MapIndex, rows_of
 from vnav.core.tree import VocabularyTree
-from vnav.localisation.words import Database
+from vnav.localisation.words import InvertedFile
 
 APART_M = 0.10  # landmarks nearer than this may be one and the same thing, mapped twice
 
 
 @dataclass(frozen=True)
-class Atlas:
+class LandmarkDatabase:
     """What a photo is searched in."""
 
     index: MapIndex
     tree: VocabularyTree
 
     @cached_property
-    def database(self) -> Database:
+    def inverted_file(self) -> InvertedFile:
         """The landmarks' descriptors and where the landmarks are."""
         i = self.index
-        return Database(i.descriptors, i.points_world[i.owner], APART_M)
+        return InvertedFile(i.descriptors, i.points_world[i.owner], APART_M)
 
     @cached_property
     def home(self) -> NDArray[np.int32]:

@@ -3,7 +3,7 @@ import pytest
 
 from vnav.core import se3
 from vnav.core.voxels import Voxels
-from vnav.localisation.hidden import BEFORE, BEFORE_M, FROM_M, hidden
+from vnav.localisation.occlusion import BEFORE, BEFORE_M, FROM_M, occluded
 from vnav.localisation.view import View
 
 
@@ -22,7 +22,7 @@ def view_from(world, position) -> View:
 
 def test_what_stands_behind_a_wall_is_hidden(world, wall):
     behind, beside = [4.0, 0.0, 1.0], [4.0, 2.5, 1.0]
-    found = hidden(view_from(world, (0.0, 0.0, 1.0)), np.array([behind, beside]), wall)
+    found = occluded(view_from(world, (0.0, 0.0, 1.0)), np.array([behind, beside]), wall)
     assert found.tolist() == [True, False]
 
 
@@ -30,20 +30,20 @@ def test_what_is_on_the_wall_is_seen(world, wall):
     """The voxel a landmark lies in does not hide it, also at a grazing angle on the floor."""
     on_wall, on_floor = [2.0, 0.3, 1.5], [1.9, 0.5, 0.0]
     view = view_from(world, (-1.5, 0.0, 1.2))
-    assert not hidden(view, np.array([on_wall, on_floor]), wall).any()
+    assert not occluded(view, np.array([on_wall, on_floor]), wall).any()
 
 
 def test_a_camera_inside_a_wall_sees_nothing_beyond_it(world):
     """One that stands in something as thick as itself."""
     block = Voxels.filled([[0.0, 0.0, 1.0]], [0.8], 0.05)
     landmarks = np.array([[3.0, y, 1.0] for y in np.linspace(-1, 1, 9)])
-    assert hidden(view_from(world, (0.0, 0.0, 1.0)), landmarks, block).all()
+    assert occluded(view_from(world, (0.0, 0.0, 1.0)), landmarks, block).all()
 
 
 def test_where_nothing_is_known_nothing_is_hidden(world):
     nothing = Voxels.filled(np.zeros((0, 3)), np.zeros(0), 0.05)
-    assert not hidden(view_from(world, (0, 0, 1)), np.array([[4.0, 0.0, 1.0]]), nothing).any()
-    assert hidden(view_from(world, (0, 0, 1)), np.zeros((0, 3)), nothing).shape == (0,)
+    assert not occluded(view_from(world, (0, 0, 1)), np.array([[4.0, 0.0, 1.0]]), nothing).any()
+    assert occluded(view_from(world, (0, 0, 1)), np.zeros((0, 3)), nothing).shape == (0,)
 
 
 def test_what_is_hidden_is_what_samples_of_the_whole_way_tell(world):
@@ -60,4 +60,4 @@ def test_what_is_hidden_is_what_samples_of_the_whole_way_tell(world):
             stands = voxels.stands_at(position + way * (at / distance)[:, None])
             blocked |= stands & (at < distance * (1 - BEFORE) - BEFORE_M)
         assert 50 < blocked.sum() < 450
-        np.testing.assert_array_equal(hidden(view_from(world, position), points, voxels), blocked)
+        np.testing.assert_array_equal(occluded(view_from(world, position), points, voxels), blocked)

@@ -1,22 +1,23 @@
 import numpy as np
 
+from vnav.localisation.covisibility import clusters, fullness
 from vnav.localisation.matches import Matches, no_matches
-from vnav.localisation.places import fullness, places
 
 
-def matches_with(atlas, landmarks):
+def matches_with(database, landmarks):
     landmarks = np.asarray(landmarks, np.int32)
     rows = np.arange(len(landmarks))
     return Matches(rows, rows, landmarks, np.linspace(0.1, 0.5, len(landmarks)))
 
 
 def test_landmarks_of_two_rooms_are_two_places(twin_world):
-    index = twin_world.atlas.index
+    index = twin_world.database.index
     keyframe_landmarks = [index.landmarks_of(np.array([k])) for k in (0, 12)]  # one of each room
     found = matches_with(
-        twin_world.atlas, np.concatenate([keyframe_landmarks[0][:30], keyframe_landmarks[1][:20]])
+        twin_world.database,
+        np.concatenate([keyframe_landmarks[0][:30], keyframe_landmarks[1][:20]]),
     )
-    first, second = places(found, index, 5, 5)[:2]
+    first, second = clusters(found, index, 5, 5)[:2]
     assert len(first.matches) == 30
     assert len(second.matches) == 20
     for place in (first, second):
@@ -25,12 +26,12 @@ def test_landmarks_of_two_rooms_are_two_places(twin_world):
 
 
 def test_a_place_with_too_few_matches_is_none(twin_world):
-    index = twin_world.atlas.index
-    found = matches_with(twin_world.atlas, index.landmarks_of(np.array([0]))[:4])
-    assert places(found, index, 5, 5) == []
+    index = twin_world.database.index
+    found = matches_with(twin_world.database, index.landmarks_of(np.array([0]))[:4])
+    assert clusters(found, index, 5, 5) == []
     assert fullness(found, index).max() == 4
 
 
 def test_no_matches_have_no_places(twin_world):
-    assert places(no_matches(), twin_world.atlas.index, 5, 1) == []
-    assert not fullness(no_matches(), twin_world.atlas.index).any()
+    assert clusters(no_matches(), twin_world.database.index, 5, 1) == []
+    assert not fullness(no_matches(), twin_world.database.index).any()

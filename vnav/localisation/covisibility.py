@@ -1,4 +1,4 @@
-"""Sets of matches whose landmarks are seen together: the places a photo may have been taken at."""
+"""Covisibility clusters: sets of matches whose landmarks are seen together (hloc's term)."""
 
 from dataclasses import dataclass
 
@@ -10,33 +10,35 @@ from vnav.localisation.matches import Matches
 
 
 @dataclass(frozen=True)
-class Place:
-    """A keyframe, and the matches with landmarks that are seen from it or beside it."""
+class CovisibilityCluster:
+    """A keyframe, and the matches with landmarks that are seen from it or from a covisible one."""
 
     keyframe: int
     matches: Matches
 
 
-def places(matches: Matches, index: MapIndex, count: int, least: int) -> list[Place]:
-    """At most ``count`` places with at least ``least`` matches each, the fullest first.
+def clusters(
+    matches: Matches, index: MapIndex, count: int, least: int
+) -> list[CovisibilityCluster]:
+    """At most ``count`` clusters with at least ``least`` matches each, the fullest first.
 
-    Each place is the one with the most matches that no fuller place holds.
+    Each is the one with the most matches that no fuller one holds.
     """
     match, keyframe = index.near_keyframes_of(matches.landmark)
     free = np.ones(len(matches), bool)
-    found: list[Place] = []
+    found: list[CovisibilityCluster] = []
     while len(found) < count and len(matches):
         votes = np.bincount(keyframe[free[match]], minlength=index.keyframes)
         most = int(votes.argmax())
         if votes[most] < least:
             break
         here = match[keyframe == most]
-        found.append(Place(most, matches[here].one_to_one()))
+        found.append(CovisibilityCluster(most, matches[here].one_to_one()))
         free[here] = False
     return found
 
 
 def fullness(matches: Matches, index: MapIndex) -> NDArray[np.intp]:
-    """How many matches the place of each keyframe (K,) holds."""
+    """How many matches the cluster of each keyframe (K,) holds."""
     _, keyframe = index.near_keyframes_of(matches.landmark)
     return np.bincount(keyframe, minlength=index.keyframes)
