@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from vnav.cli.main import main
+from vnav.io.store.map_folder import FORMAT
 
 FRAMES = 16  # enough of the tiny capture for a map
 
@@ -113,7 +114,7 @@ def test_a_map_of_another_format_is_left_alone(vnav: Vnav, capture: Path) -> Non
     folder.mkdir()
     (folder / "map.json").write_text('{"format": 99, "captures": []}\n')
     said = fails(vnav, capture)
-    assert "format 1" in said
+    assert f"format {FORMAT}" in said
     assert "found 99" in said
     assert (folder / "map.json").read_text() == '{"format": 99, "captures": []}\n'
 
@@ -121,7 +122,9 @@ def test_a_map_of_another_format_is_left_alone(vnav: Vnav, capture: Path) -> Non
 def test_a_map_of_another_capture_is_left_alone(vnav: Vnav, capture: Path) -> None:
     folder = capture.parent / "map"
     folder.mkdir()
-    (folder / "map.json").write_text('{"format": 2, "captures": [{"id": 0, "name": "other"}]}\n')
+    (folder / "map.json").write_text(
+        f'{{"format": {FORMAT}, "captures": [{{"id": 0, "name": "other"}}]}}\n'
+    )
     said = fails(vnav, capture)
     assert "expected other" in said
     assert "--fresh" in said

@@ -8,7 +8,7 @@ import pytest
 import vnav
 from vnav.errors import MapError, StaleArtifact
 from vnav.io.store import map_folder
-from vnav.io.store.map_folder import MapFolder
+from vnav.io.store.map_folder import FORMAT, MapFolder
 
 SETTINGS = {"seed": 0, "loops": {"candidates": 8, "share": 0.25, "on": True, "name": "x"}}
 INPUTS = {"capture_0": "abc"}
@@ -49,7 +49,7 @@ def test_opening_what_is_no_map_says_how_to_make_one(tmp_path: Path) -> None:
 def test_a_map_of_another_format_version_is_refused(folder: MapFolder) -> None:
     (folder.root / "map.json").write_text('{"format": 99, "captures": []}')
     for use in (MapFolder.open, MapFolder.create):
-        with pytest.raises(MapError, match=r"expected map format 1 in .*found 99.*--fresh"):
+        with pytest.raises(MapError, match=rf"expected map format {FORMAT} in .*found 99.*--fresh"):
             use(folder.root)
 
 
