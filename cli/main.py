@@ -1,16 +1,12 @@
 """The entry point: one lazy group, and the one place that catches VnavError."""
 
-import os
 import sys
 from importlib import import_module
 
-# One thread each for BLAS: its sums must not depend on the machine; vnav spreads frames instead.
-os.environ["OPENBLAS_NUM_THREADS"] = "1"
+import click
 
-import click  # noqa: E402
-
-from vnav import __version__  # noqa: E402
-from vnav.errors import VnavError  # noqa: E402
+from vnav import __version__
+from vnav.errors import VnavError
 
 COMMANDS = {
     "build-map": "build_map",

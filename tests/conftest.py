@@ -1,6 +1,5 @@
 """Fixtures that several parts' tests share; made once a session, read-only."""
 
-import os
 import threading
 from collections.abc import Iterator
 from dataclasses import dataclass, field
@@ -16,9 +15,6 @@ if TYPE_CHECKING:
     from vnav.core.mapping import Odometry
     from vnav.io.store.map_folder import MapFolder
     from vnav.registration import Sensor
-
-# As the command does, before numpy is imported: commands run in this process and in others agree.
-os.environ["OPENBLAS_NUM_THREADS"] = "1"
 
 
 @pytest.fixture(scope="session")

@@ -23,7 +23,7 @@ LEVELS = (
         *("io", "features", "masking", "registration"),
         *("volumes", "vocabulary", "localisation", "planning"),
     },
-    {"core"},
+    {"core", "threads"},
     {"config", "configs", "datasets"},
     {"errors"},
     {"vnav"},  # the version
@@ -41,12 +41,13 @@ OWNERS = {
     "cv2": {
         *("vnav.io", "vnav.features", "vnav.masking", "vnav.registration", "vnav.localisation"),
         *("vnav.synthetic", "vnav.stages", "vnav.tracking", "vnav.checking", "vnav.reporting"),
+        "vnav.threads",
     },
     "matplotlib": {"vnav.reporting"},
     "numpy": {"vnav"},
     "numba": {"vnav"},
     "scipy": {"vnav"},
-    "threadpoolctl": {"vnav"},
+    "threadpoolctl": {"vnav.threads"},
 }
 
 STAGES = ("odometry", "vocabulary", "loops", "optimise", "fuse", "index")

@@ -3,6 +3,14 @@
 import os
 import subprocess
 import sys
+import threading
+import time
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+
+import pytest
+
+from vnav.threads import SharedLimit
 
 TRAIN = """
 import hashlib
@@ -27,3 +35,85 @@ def test_the_vocabulary_does_not_depend_on_the_number_of_threads() -> None:
         )
         found.add(done.stdout)
     assert len(found) == 1
+
+
+def limited(taken: list[str], loaded: list[str]) -> SharedLimit:
+    """A limit of whatever is loaded; ``taken`` lists what is limited at the moment."""
+
+    def take() -> Callable[[], None] | None:
+        new = [name for name in loaded if name not in taken]
+        taken.extend(new)
+
+        def undo() -> None:
+            taken[:] = [name for name in taken if name not in new]
+
+        return undo if new else None
+
+    return SharedLimit(take)
+
+
+def test_a_limit_holds_until_the_last_of_several_calls_has_ended() -> None:
+    taken: list[str] = []
+    limit = limited(taken, ["blas"])
+    first, second = threading.Event(), threading.Event()
+
+    @limit
+    def call(may_end: threading.Event) -> None:
+        assert may_end.wait(10)
+
+    with ThreadPoolExecutor(2) as pool:
+        calls = [pool.submit(call, event) for event in (first, second)]
+        while limit.users < 2:
+            time.sleep(0.001)
+        first.set()
+        calls[0].result()
+        assert taken == ["blas"]
+        second.set()
+    assert taken == []
+
+
+def test_a_library_that_is_loaded_meanwhile_is_limited_by_the_next_call() -> None:
+    taken, loaded = list[str](), ["numpy"]
+    limit = limited(taken, loaded)
+    with limit:
+        loaded.append("opencv")
+        with limit:
+            assert taken == ["numpy", "opencv"]
+        assert taken == ["numpy", "opencv"]
+    assert taken == []
+
+
+def test_a_limit_ends_with_an_error() -> None:
+    taken: list[str] = []
+    with pytest.raises(ValueError, match="mine"), limited(taken, ["blas"]):
+        raise ValueError("mine")
+    assert taken == []
+
+
+NOTEBOOK = """
+import numpy as np
+from threadpoolctl import threadpool_info
+import vnav.threads
+
+def blas():
+    return {d["num_threads"] for d in threadpool_info() if d["user_api"] == "blas"}
+
+before = blas()
+with vnav.threads.one_blas_thread:
+    assert blas() == {1}, blas()
+assert blas() == before, (before, blas())
+print(before)
+"""
+
+
+def test_blas_is_limited_where_numpy_was_loaded_before() -> None:
+    """As in a notebook, where no environment variable can reach it any more."""
+    environment = {k: v for k, v in os.environ.items() if not k.endswith("_NUM_THREADS")}
+    done = subprocess.run(
+        [sys.executable, "-P", "-c", NOTEBOOK],
+        env=environment | {"OPENBLAS_NUM_THREADS": "4"},
+        text=True,
+        capture_output=True,
+        check=True,
+    )
+    assert done.stdout.strip() == f"{{{min(4, os.cpu_count() or 1)}}}"

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from vnav.config import VocabularyConfig
 from vnav.core.tree import VocabularyTree
 from vnav.errors import VnavError
+from vnav.threads import one_blas_thread, one_openmp_thread
 
 MAX_ITERATIONS = 12  # of k-means at one node; an approximate tree quantises as well as an exact one
 
@@ -22,12 +23,15 @@ def train(descriptors: NDArray[np.uint8], config: VocabularyConfig, seed: int) -
     tree whatever the number of threads.
     """
     import sklearn.cluster  # the limit of threads reaches only libraries that are loaded
-    from threadpoolctl import threadpool_limits
 
     rng = np.random.default_rng(seed)
     descriptors = _subsampled(descriptors, config.max_descriptors, rng)
     trusted = sklearn.config_context(assume_finite=True, skip_parameter_validation=True)
-    with threadpool_limits(1), trusted:  # checks take a third of the time of a small node
+    with (
+        one_blas_thread,
+        one_openmp_thread,
+        trusted,
+    ):  # checks take a third of the time of a small node
         return _grow(descriptors, config, rng)
 
 

@@ -68,7 +68,7 @@ class Children:
         with tempfile.TemporaryDirectory(prefix="vnav-") as scratch, ours:
             said = Path(scratch) / "said"
             command = [sys.executable, "-P", "-c", CHILD, str(theirs.fileno())]
-            environment = os.environ | {"TMPDIR": scratch, "OPENBLAS_NUM_THREADS": "1"}
+            environment = os.environ | {"TMPDIR": scratch}
             with said.open("wb") as file:
                 process = subprocess.Popen(
                     command,

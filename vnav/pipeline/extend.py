@@ -30,8 +30,10 @@ from vnav.pipeline.build import BuiltMap, run_stages, whole
 from vnav.pipeline.joined import joined, require_joined, require_seen, told
 from vnav.pipeline.recognise import recognise
 from vnav.stages.odometry import described, report, track
+from vnav.threads import one_blas_thread
 
 
+@one_blas_thread
 def extend(
     folder: MapFolder,
     capture: Capture,

@@ -23,12 +23,14 @@ from vnav.io.store.artifacts import load_keyframe, load_odometry, load_optimised
 from vnav.io.store.map_folder import MapFolder
 from vnav.io.store.stage_reports import clock, finished, reused, settings_of
 from vnav.planning.projection import project
+from vnav.threads import one_blas_thread
 from vnav.volumes.cloud import VoxelCloud, filter_depth, first_in_voxel
 from vnav.volumes.octree import Leaves, Octree
 
 STAGE = "fuse"
 
 
+@one_blas_thread
 def run(folder: MapFolder, config: Config, *, progress: Progress = silent) -> Report:
     """Fuse the keyframes that have a pose; MapError where their depth holds nothing to fuse.
 

@@ -19,6 +19,7 @@ from vnav.localisation.indexing import MappedKeyframe, build
 from vnav.localisation.localise import Located, localise
 from vnav.localisation.photo import prepare
 from vnav.localisation.query import Query
+from vnav.threads import one_blas_thread
 from vnav.volumes.octree import Octree
 
 STAGE = "index"
@@ -26,6 +27,7 @@ ASKED = 5  # keyframes that are sought in the finished index
 FORMAT = 3  # of index.npz: what was indexed by another one is indexed anew
 
 
+@one_blas_thread
 def run(folder: MapFolder, config: Config, *, progress: Progress = silent) -> Report:
     """Index the map's landmarks by the words of their descriptors; writes index/index.npz."""
     started = clock()

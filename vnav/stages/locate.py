@@ -29,6 +29,7 @@ from vnav.localisation.localise import Located, NotLocated, localise, own_focal
 from vnav.localisation.photo import prepare
 from vnav.localisation.query import Query
 from vnav.localisation.words import load_compiled
+from vnav.threads import one_blas_thread
 
 DOUBTFUL = 0.03  # relative error of an assumed focal length that is told, if it is significant
 SIGNIFICANT = 3.0  # standard deviations
@@ -49,6 +50,7 @@ class Locator:
         wanted = dataclasses.replace(recorded, max_features=config.locate.max_features)
         self._front_end = front_end(wanted)
 
+    @one_blas_thread
     def locate(self, path: Path) -> PhotoAnswer:
         """Where a photo was taken; PhotoError or CameraError where it cannot be asked."""
         clock = [time.monotonic()]

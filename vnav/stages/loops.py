@@ -27,12 +27,14 @@ from vnav.io.store.tree_file import load_tree
 from vnav.optimisation import pose_graph
 from vnav.optimisation.pose_graph import softened
 from vnav.registration import Sensor, register
+from vnav.threads import one_blas_thread
 
 NEIGHBOURS = 3  # keyframes apart: what odometry demands of a match will do, for it joined them
 
 Candidate = tuple[int, int, str, float]
 
 
+@one_blas_thread
 def run(folder: MapFolder, config: Config, *, progress: Progress = silent) -> Report:
     """Find, verify and record loops between keyframes."""
     started = clock()

@@ -8,7 +8,6 @@ from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
-import cv2
 import numpy as np
 
 from vnav.config import Config
@@ -28,10 +27,12 @@ from vnav.io.store.artifacts import save_keyframe, save_odometry
 from vnav.io.store.map_folder import MapFolder
 from vnav.io.store.stage_reports import clock, finished, reused, settings_of
 from vnav.registration import Sensor
+from vnav.threads import one_blas_thread, one_opencv_thread
 from vnav.tracking.given_poses import GivenPoses, poses_at
 from vnav.tracking.visual_odometry import VisualOdometry
 
 
+@one_blas_thread
 def run(
     folder: MapFolder,
     capture: Capture,
@@ -116,16 +117,12 @@ def _described_frames(
         points = lift(features.keypoints_px, near, sensor.intrinsics, config.registration)
         return _Seen(FrameFeatures(row, features, points), frame, sensor)
 
-    threads = cv2.getNumThreads()
-    cv2.setNumThreads(1)
-    try:
+    with one_opencv_thread:
         ahead: deque[Future[_Seen | str]] = deque()
         for row in range(len(capture)):
             while len(ahead) < 2 * (os.cpu_count() or 1) and row + len(ahead) < len(capture):
                 ahead.append(pool.submit(describe, row + len(ahead)))
             yield row, ahead.popleft().result()
-    finally:
-        cv2.setNumThreads(threads)
 
 
 def _frame_table(capture: Capture) -> FrameTable:

@@ -30,8 +30,10 @@ from vnav.optimisation import pose_graph
 from vnav.optimisation.bundle import Prior
 from vnav.optimisation.solution import Solved, solve
 from vnav.optimisation.world import find_world, in_given, kept_world, seen_surface
+from vnav.threads import one_blas_thread
 
 
+@one_blas_thread
 def run(folder: MapFolder, config: Config, *, progress: Progress = silent) -> Report:
     """Final poses of all frames, landmarks, and the world frame."""
     started = clock()

@@ -10,10 +10,12 @@ from vnav.io.store.artifacts import load_odometry
 from vnav.io.store.map_folder import MapFolder
 from vnav.io.store.stage_reports import clock, finished, reused, settings_of
 from vnav.io.store.tree_file import write_tree
+from vnav.threads import one_blas_thread
 
 STAGE = "vocabulary"
 
 
+@one_blas_thread
 def run(folder: MapFolder, config: Config, *, progress: Progress = silent) -> Report:
     """Train the tree on the keyframe features that carry a 3D point; writes vocabulary/tree.npz.
 

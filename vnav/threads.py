@@ -1,0 +1,64 @@
+"""Limits of the threads that native libraries use, shared by all calls that need them.
+
+The sums of BLAS, and the clusters of k-means, depend on the number of threads; vnav spreads frames
+over cores instead. Environment variables come too late where numpy is loaded already.
+"""
+
+from collections.abc import Callable
+from contextlib import ContextDecorator
+from threading import Lock
+
+Undo = Callable[[], None]
+
+
+class SharedLimit(ContextDecorator):
+    """One thread while at least one block, or decorated function, is at work in any thread.
+
+    ``take`` sets the limit and returns what undoes it, None where nothing had to be set. Every
+    block that begins asks it again, for it reaches only libraries that are loaded; the last block
+    to end undoes all.
+    """
+
+    def __init__(self, take: Callable[[], Undo | None]) -> None:
+        self._take = take
+        self._lock = Lock()
+        self.users = 0
+        self._undo: list[Undo] = []
+
+    def __enter__(self) -> None:
+        with self._lock:
+            undo = self._take()
+            if undo is not None:
+                self._undo.append(undo)
+            self.users += 1
+
+    def __exit__(self, *_error: object) -> None:
+        with self._lock:
+            self.users -= 1
+            while not self.users and self._undo:
+                self._undo.pop()()
+
+
+def _one_native_thread(user_api: str) -> Undo | None:
+    from threadpoolctl import ThreadpoolController
+
+    loaded = ThreadpoolController().select(user_api=user_api)
+    if all(library["num_threads"] == 1 for library in loaded.info()):
+        return None
+    undo: Undo = loaded.limit(limits=1).restore_original_limits
+    return undo
+
+
+def _one_opencv_thread() -> Undo | None:
+    import cv2
+
+    threads = cv2.getNumThreads()
+    if threads == 1:
+        return None
+    cv2.setNumThreads(1)
+    return lambda: cv2.setNumThreads(threads)
+
+
+one_blas_thread = SharedLimit(lambda: _one_native_thread("blas"))
+one_openmp_thread = SharedLimit(lambda: _one_native_thread("openmp"))
+one_opencv_thread = SharedLimit(_one_opencv_thread)
