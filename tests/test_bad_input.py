@@ -139,7 +139,7 @@ def test_a_map_that_cannot_be_written_is_named(place: str, vnav: Vnav, capture: 
 
 def test_an_unknown_setting_is_named_before_any_work(vnav: Vnav, capture: Path) -> None:
     said = fails(vnav, capture, "--set", "odometry.max_depht_m=4")
-    assert "did you mean 'max_depth_m'" in said
+    assert "did you mean 'odometry.max_depth_m'" in said
 
 
 def test_a_truncated_image_is_skipped_and_named(vnav: Vnav, capture: Path) -> None:

@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 import pytest
 
-from vnav.config import FeaturesConfig
+from vnav.config import SETTINGS, FeaturesConfig
 from vnav.core.frame import Features
 from vnav.errors import ConfigError
 from vnav.features import FRONT_ENDS, FrontEnd, front_end
@@ -102,5 +102,9 @@ def test_features_are_known_again_in_a_turned_and_darker_image(detector: FrontEn
 
 
 def test_an_unknown_front_end_is_a_config_error() -> None:
-    with pytest.raises(ConfigError, match="expected features.front_end to be one of .*'surf'"):
-        front_end(FeaturesConfig(front_end="surf"))
+    with pytest.raises(ConfigError, match=r"expected features\.front_end to be .*sift.*'surf'"):
+        FeaturesConfig(front_end="surf")
+
+
+def test_the_configuration_knows_every_front_end() -> None:
+    assert SETTINGS["features.front_end"].allowed.values == tuple(FRONT_ENDS)

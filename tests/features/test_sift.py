@@ -1,7 +1,7 @@
 import cv2
 import numpy as np
 
-from vnav.config import FeaturesConfig
+from vnav.config import FeaturesConfig, SiftConfig
 from vnav.features.sift import ROOT_SCALE, Sift, root_sift, self_test
 
 
@@ -28,8 +28,8 @@ def test_root_sift_of_an_empty_descriptor_is_empty() -> None:
 def test_plain_sift_is_had_by_choice() -> None:
     image = np.random.default_rng(1).integers(0, 256, (80, 80, 3)).astype(np.uint8)
     image = cv2.GaussianBlur(image, (0, 0), 2)
-    plain = Sift(FeaturesConfig(root_sift=False)).extract(image)
-    root = Sift(FeaturesConfig(root_sift=True)).extract(image)
+    plain = Sift(FeaturesConfig(sift=SiftConfig(root_sift=False))).extract(image)
+    root = Sift(FeaturesConfig(sift=SiftConfig(root_sift=True))).extract(image)
     np.testing.assert_array_equal(plain.keypoints_px, root.keypoints_px)
     rooted = root_sift(plain.descriptors.astype(np.float32))
     # Plain SIFT is stored in whole numbers, too: rounding both is off by 1 where numbers are small.
@@ -44,14 +44,14 @@ def test_a_faint_image_is_searched_for_weak_features() -> None:
     # Blobs of 3 grey levels: below the usual threshold of 0.015 / 3 layers * 255 in contrast.
     noise = cv2.GaussianBlur(np.random.default_rng(2).standard_normal((120, 160)), (0, 0), 2)
     faint = np.repeat(np.rint(128 + 3 * noise / noise.std())[..., None], 3, 2).astype(np.uint8)
-    usual = Sift(FeaturesConfig(few_features=0)).extract(faint)
-    weak = Sift(FeaturesConfig(few_features=400)).extract(faint)
+    usual = Sift(FeaturesConfig(sift=SiftConfig(few_features=0))).extract(faint)
+    weak = Sift(FeaturesConfig(sift=SiftConfig(few_features=400))).extract(faint)
     assert len(weak) > 2 * len(usual)
 
 
 def test_an_image_with_enough_features_is_searched_once() -> None:
     noise = cv2.GaussianBlur(np.random.default_rng(3).standard_normal((240, 320)), (0, 0), 2)
     rich = np.repeat((128 + 30 * noise / noise.std()).clip(0, 255)[..., None], 3, 2)
-    usual = Sift(FeaturesConfig(few_features=0)).extract(rich.astype(np.uint8))
-    weak = Sift(FeaturesConfig(few_features=400)).extract(rich.astype(np.uint8))
+    usual = Sift(FeaturesConfig(sift=SiftConfig(few_features=0))).extract(rich.astype(np.uint8))
+    weak = Sift(FeaturesConfig(sift=SiftConfig(few_features=400))).extract(rich.astype(np.uint8))
     assert len(weak) == len(usual) > 400

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from vnav.config import CaptureConfig, Config, FeaturesConfig
+from vnav.config import CaptureConfig, Config, FeaturesConfig, SiftConfig
 from vnav.core import se3
 from vnav.errors import CaptureError, ConfigError, MapError, StaleArtifact
 from vnav.io.formats.trajectories import read_photo_poses, read_tum
@@ -201,7 +201,7 @@ def test_a_capture_of_wrong_units_is_refused(folder: MapFolder, other_capture: P
 
 
 def test_features_of_another_kind_are_refused(folder: MapFolder, other: Capture) -> None:
-    changes = {"features": FeaturesConfig(root_sift=False)}
+    changes = {"features": FeaturesConfig(sift=SiftConfig(root_sift=False))}
     assert_refused(folder, other, ConfigError, r"other settings of \[features\]", **changes)
 
 
@@ -233,6 +233,6 @@ def test_a_setting_that_is_not_known_any_more_is_named(tmp_path: Path) -> None:
     for stage in STAGES:
         with folder.writing(stage, {"loops": {"cadence": 1}}, {}):
             pass
-    with pytest.raises(ConfigError, match="unknown setting 'cadence' in loops in the stages"):
+    with pytest.raises(ConfigError, match="unknown setting 'loops.cadence' in the stages"):
         extend.made_with(folder)
     assert "cadence" in to_json(folder.settings("loops"))

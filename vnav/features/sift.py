@@ -26,22 +26,22 @@ class Sift:
         gray = cv2.cvtColor(color, cv2.COLOR_RGB2GRAY)
         strong, weak = self._detectors()
         keypoints, descriptors = strong.detectAndCompute(gray, None)
-        if len(keypoints) < self._config.few_features:
+        if len(keypoints) < self._config.sift.few_features:
             keypoints, descriptors = weak.detectAndCompute(gray, None)
         if descriptors is None:
             return _features([], np.zeros((0, 128), np.float32))
         order = _strongest(keypoints, self._config.max_features)
-        if self._config.root_sift:
+        if self._config.sift.root_sift:
             descriptors = root_sift(descriptors)
         return _features([keypoints[k] for k in order], descriptors[order])
 
     def _detectors(self) -> tuple[Any, Any]:
         """OpenCV's SIFT with either contrast threshold."""
         if not hasattr(self._per_thread, "detectors"):
-            config = self._config
+            config = self._config.sift
             self._per_thread.detectors = tuple(
                 cv2.SIFT.create(
-                    nfeatures=config.max_features,
+                    nfeatures=self._config.max_features,
                     contrastThreshold=contrast,
                     edgeThreshold=config.edge_threshold,
                     enable_precise_upscale=True,  # without it keypoints sit a quarter pixel off

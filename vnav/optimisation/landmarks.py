@@ -111,7 +111,7 @@ def adjust_landmarks(
         iterations = config.bundle_iterations if last else ROUGH_ITERATIONS
         inliers = _inliers(bundle, tracks, rows, sharp, FIRST_SLACK if k == 0 else 1.0)
         shared = _shared(tracks.seen, inliers)
-        held = _weak(joined, len(T_world_camera), tracks.seen[shared], config.weak_landmarks)
+        held = _weak(joined, len(T_world_camera), tracks.seen[shared], config.min_shared_landmarks)
         rms.append(model.rms_px(bundle, tracks.seen[shared]))
         if last and k > 0:
             offset = _depth_offset(bundle, tracks, shared, joined, sharp, config, prior)
@@ -121,7 +121,7 @@ def adjust_landmarks(
     rows = _inliers(bundle, tracks, rows, model, 1.0)
     shared = _shared(tracks.seen, rows)
     rms.append(model.rms_px(bundle, tracks.seen[shared]))
-    held = _weak(joined, len(T_world_camera), tracks.seen[shared], config.weak_landmarks)
+    held = _weak(joined, len(T_world_camera), tracks.seen[shared], config.min_shared_landmarks)
     covariance = covariances(bundle, tracks.seen[shared], held, model, prior)
     landmarks = _landmarks(bundle, tracks, rows, model)
     poses = bundle.T_world_camera
@@ -140,7 +140,7 @@ def _depth_offset(
     """What the landmarks that many keyframes see tell of it, nearly all that there is to tell."""
     seen = tracks.seen[rows]
     seen = seen[np.bincount(seen.landmark)[seen.landmark] >= OFTEN_SEEN]
-    held = _weak(joined, len(bundle.T_world_camera), seen, config.weak_landmarks)
+    held = _weak(joined, len(bundle.T_world_camera), seen, config.min_shared_landmarks)
     return depth_offset(bundle, seen, held, model, prior)
 
 

@@ -16,7 +16,6 @@ from vnav.core.frame import Edge
 from vnav.core.graph import reached
 from vnav.core.mapping import LOST, Odometry
 from vnav.core.progress import Progress, silent
-from vnav.errors import ConfigError
 from vnav.optimisation import pose_graph
 from vnav.optimisation.bundle import Prior, SensorModel
 from vnav.optimisation.given_noise import noise
@@ -88,7 +87,7 @@ def _on_given(
 ) -> Solved:
     """Which closures agree with the given poses, and the landmarks that their matches make."""
     poses = odometry.T_segment_camera
-    sigmas, fixed = noise(poses, closures), _is_fixed(config)
+    sigmas, fixed = noise(poses, closures), config.optimise.given_poses == "fixed"
     rad, m = np.sqrt(2) * sigmas[[0, 3]]  # of two poses
     graph = pose_graph.held(
         poses, [softened(e, rad, m) for e in closures], config.optimise.max_closure_sigmas
@@ -100,13 +99,6 @@ def _on_given(
     if not fixed:
         poses = _carried(poses, adjusted, odometry, odometry.edges)
     return Solved(poses, adjusted, graph, kept, {}, prior)
-
-
-def _is_fixed(config: Config) -> bool:
-    how = config.optimise.given_poses
-    if how not in ("fixed", "prior"):
-        raise ConfigError(f"expected fixed or prior for optimise.given_poses, found '{how}'")
-    return how == "fixed"
 
 
 def _parts(

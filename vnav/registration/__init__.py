@@ -73,11 +73,11 @@ def register(
             a, b, predicted, sensor, config.search_radius_px, config.search_features
         )
         near = _estimate(a, b, matches, sensor, rng)
-        if isinstance(near, PoseEstimate) and near.inlier_share >= config.sure_inlier_share:
+        if isinstance(near, PoseEstimate) and near.inlier_share >= config.search_min_inlier_share:
             return _polished(near, a, b, sensor)
     matches = sensor.matcher.everywhere(a.features, b.features)
     lifted = a.has_depth[matches[:, 0]]
-    if config.depth_of_either:
+    if config.one_sided_depth:
         lifted |= b.has_depth[matches[:, 1]]
     everywhere = _estimate(a, b, matches[lifted], sensor, rng)
     found = [_polished(e, a, b, sensor) for e in (near, everywhere) if isinstance(e, PoseEstimate)]
@@ -94,7 +94,7 @@ def matches_near(
 ) -> NDArray[np.int32]:
     """Rows (M, 2) of a's and b's features that match close to where a motion puts one's point.
 
-    Points of a are sought in b; where ``depth_of_either``, those of b that are left are sought in
+    Points of a are sought in b; where ``one_sided_depth``, those of b that are left are sought in
     a, among the features that have no depth. Only the ``strongest`` are sought, or all.
     """
 
@@ -108,7 +108,7 @@ def matches_near(
 
     of_a, of_b = sensor.cameras
     found = sought(a, b, T_a_b, of_b)
-    if not sensor.config.depth_of_either:
+    if not sensor.config.one_sided_depth:
         return found
     back = sought(b, a, se3.inverse(T_a_b), of_a)[:, ::-1]
     lone = ~a.has_depth[back[:, 0]] & ~np.isin(back[:, 1], found[:, 1])
@@ -140,7 +140,7 @@ def _polished(
     found: PoseEstimate, a: FrameFeatures, b: FrameFeatures, sensor: Sensor
 ) -> PoseEstimate:
     """The estimate from all matches close to where the motion puts them, if those are more."""
-    closer = matches_near(a, b, found.T_a_b, sensor, sensor.config.polish_radius_px)
+    closer = matches_near(a, b, found.T_a_b, sensor, sensor.config.refine_radius_px)
     if len(closer) <= len(found.inliers):
         return found
     pairs = Pairs(a, b, closer, sensor.cameras, sensor.config)

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vnav.checking.quality import BLURRED, DARK, blur
-from vnav.config import Config, FeaturesConfig
+from vnav.config import Config, updated
 from vnav.core.camera import Intrinsics, PhotoCamera
 from vnav.core.progress import Progress, silent
 from vnav.errors import PhotoError
@@ -46,8 +46,9 @@ class Locator:
         self.database = LandmarkDatabase(load_index(folder), load_tree(folder))
         self._config, self._camera = config, camera
         self._map_cameras = [map_camera(folder, k) for k in range(len(folder.captures))]
-        recorded = FeaturesConfig(**folder.settings("odometry")["features"])
-        wanted = dataclasses.replace(recorded, max_features=config.locate.max_features)
+        recorded = {"features": folder.settings("odometry")["features"]}
+        features = updated(Config(), recorded, f"the stage odometry of {folder.root}").features
+        wanted = dataclasses.replace(features, max_features=config.locate.max_features)
         self._front_end = front_end(wanted)
 
     @one_blas_thread

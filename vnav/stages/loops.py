@@ -191,7 +191,7 @@ class Verifier:
         self._loops = config.loops
         self._segment = odometry.segment
         # Features without depth mostly lie on edges, which look otherwise from afar.
-        self._settings = dataclasses.replace(config.registration, depth_of_either=False)
+        self._settings = dataclasses.replace(config.registration, one_sided_depth=False)
         self._settings_of_loops = dataclasses.replace(
             self._settings,
             min_inliers=config.loops.min_inliers,

@@ -75,7 +75,7 @@ class GivenPoses:
         return bool(
             np.linalg.norm(T_last_view[:3, 3]) > settings.keyframe_translation_m
             or np.rad2deg(se3.rotation_angle(T_last_view)) > settings.keyframe_rotation_deg
-            or shared < settings.keyframe_shared
+            or shared < settings.keyframe_min_inlier_share
         )
 
     def _matches(self, a: FrameFeatures, b: FrameFeatures, sensor: Sensor) -> int:

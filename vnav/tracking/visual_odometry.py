@@ -138,7 +138,7 @@ class VisualOdometry:
         return (
             moved > settings.keyframe_translation_m
             or turned > settings.keyframe_rotation_deg
-            or shared < settings.keyframe_shared
+            or shared < settings.keyframe_min_inlier_share
         )
 
     def result(self, frames: FrameTable) -> Odometry:

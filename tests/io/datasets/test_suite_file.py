@@ -98,7 +98,9 @@ def test_what_is_wrong_is_named_with_its_file(
 
 def test_an_unknown_setting_is_named_with_its_sequence(folder: Path) -> None:
     suite = read_suite(written(folder, WHOLE.replace("max_depth_m", "max_depth")))
-    with pytest.raises(ConfigError, match="unknown setting 'max_depth' in .*settings of fr1/desk"):
+    with pytest.raises(
+        ConfigError, match="unknown setting 'odometry.max_depth' in settings of fr1/desk"
+    ):
         suite.config_of(suite.entries[0])
 
 

@@ -3,9 +3,10 @@ from pathlib import Path
 import pytest
 
 from vnav import config
+from vnav.config import preset_cameras
 from vnav.core.camera import Camera, Intrinsics
 from vnav.errors import CameraError
-from vnav.io.formats.camera_file import preset_camera, preset_cameras, read_camera, read_color
+from vnav.io.formats.camera_file import preset_camera, read_camera, read_color
 
 COLOR = """
 [color]

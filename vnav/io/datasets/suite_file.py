@@ -14,10 +14,10 @@ from pathlib import Path
 from typing import Any, TypeVar, get_type_hints
 
 from vnav import config
-from vnav.config import Config
+from vnav.config import Config, preset_cameras
 from vnav.errors import CaptureError, ConfigError
 from vnav.io.datasets.datasets import datasets_folder
-from vnav.io.formats.camera_file import preset_cameras, preset_path
+from vnav.io.formats.camera_file import preset_path
 
 NAME = re.compile(r"\w[\w.+-]*(/\w[\w.+-]*)*")  # a folder can be called by it
 Values = Mapping[str, Any]

@@ -8,6 +8,7 @@ from importlib import resources
 from pathlib import Path
 from typing import Any
 
+from vnav.config import preset_cameras
 from vnav.core import se3
 from vnav.core.camera import Camera, Intrinsics
 from vnav.errors import CameraError
@@ -42,12 +43,6 @@ def preset_path(name: str) -> Path:
         known = ", ".join(preset_cameras())
         raise CameraError(f"expected a camera preset ({known}), found '{name}'")
     return Path(str(_presets() / f"{name}.toml"))
-
-
-def preset_cameras() -> list[str]:
-    """Names of the cameras that ship with vnav."""
-    files = (file.name for file in _presets().iterdir())
-    return sorted(name.removesuffix(".toml") for name in files if name.endswith(".toml"))
 
 
 def _presets() -> Any:

@@ -7,12 +7,12 @@ import dataclasses
 from pathlib import Path
 from typing import Protocol
 
-from vnav.config import CaptureConfig
+from vnav.config import CaptureConfig, preset_cameras
 from vnav.core.camera import Camera
 from vnav.core.frame import Frame
 from vnav.core.trajectory import Trajectory
 from vnav.errors import CameraError, CaptureError
-from vnav.io.formats.camera_file import preset_cameras, preset_path, read_camera
+from vnav.io.formats.camera_file import preset_path, read_camera
 from vnav.io.formats.trajectories import read_tum
 from vnav.io.sources import color_depth, seven_scenes, tum
 from vnav.io.sources.folder_capture import FolderCapture

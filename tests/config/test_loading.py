@@ -4,6 +4,7 @@ from pathlib import Path
 import pytest
 
 from vnav import config
+from vnav.config import loading
 from vnav.errors import ConfigError
 
 
@@ -45,7 +46,7 @@ def test_single_settings_win_over_the_file(tmp_path: Path) -> None:
 def test_a_single_setting_may_be_text_a_flag_or_a_number() -> None:
     settings = [
         "features.front_end=sift",
-        "features.root_sift=false",
+        "features.sift.root_sift=false",
         "plan.robot_radius_m=.5",
         "seed=3",
     ]
@@ -53,20 +54,23 @@ def test_a_single_setting_may_be_text_a_flag_or_a_number() -> None:
         config.load(None, settings)  # TOML numbers begin with a digit
     settings[2] = "plan.robot_radius_m=0.5"
     loaded = config.load(None, settings)
-    assert not loaded.features.root_sift
+    assert not loaded.features.sift.root_sift
     assert (loaded.plan.robot_radius_m, loaded.seed) == (0.5, 3)
 
 
 @pytest.mark.parametrize(
     ("setting", "message"),
     [
-        ("odometry.max_depht_m=4", "did you mean 'max_depth_m'"),
-        ("odometri.max_depth_m=4", "did you mean 'odometry'"),
+        ("odometry.max_depht_m=4", "did you mean 'odometry.max_depth_m'"),
+        ("odometri.max_depth_m=4", "did you mean 'odometry.max_depth_m'"),
+        ("robot_height_m=1", "did you mean 'fuse.robot_height_m'"),
+        ("index.speed=1", "known are: min_shared_landmarks, neighbours"),
+        ("a.b={}", "unknown setting 'a.b'"),
         ("odometry.max_depth_m", "section.name=value"),
-        ("odometry.max_depth_m=deep", "expected float"),
+        ("odometry.max_depth_m=deep", "expected odometry.max_depth_m to be a number above 0"),
         ("odometry=4", "expected a table"),
-        ("locate.max_features=2.5", "expected int"),
-        ("locate.max_features=true", "expected int"),
+        ("locate.max_features=2.5", "to be a whole number from 1 to 100000, found 2.5"),
+        ("locate.max_features=true", "to be a whole number from 1 to 100000, found True"),
         ("zzz=1", "known are: seed, capture"),
     ],
 )
@@ -90,8 +94,41 @@ def test_a_file_that_is_no_toml_is_named(tmp_path: Path, content: bytes) -> None
         config.load(str(path))
 
 
-def test_every_setting_has_a_default_of_a_plain_type() -> None:
-    for section in dataclasses.fields(config.Config):
-        value = getattr(config.Config(), section.name)
-        for field in dataclasses.fields(value) if dataclasses.is_dataclass(value) else ():
-            assert type(getattr(value, field.name)) in {int, float, str, bool}, field.name
+@pytest.mark.parametrize(("old", "new"), loading.RENAMED.items())
+def test_an_old_name_is_answered_by_the_new_one(old: str, new: str) -> None:
+    assert old not in config.SETTINGS
+    assert new in config.SETTINGS
+    with pytest.raises(ConfigError, match=f"unknown setting '{old}'.*called '{new}' now"):
+        config.load(None, [f"{old}=1"])
+
+
+def test_an_old_name_in_a_file_is_named_with_the_file(tmp_path: Path) -> None:
+    path = tmp_path / "mine.toml"
+    path.write_text("[features]\nroot_sift = true\n")
+    with pytest.raises(ConfigError, match=r"mine\.toml; it is called 'features.sift.root_sift'"):
+        config.load(str(path))
+
+
+def test_a_bad_value_is_named_with_where_it_was_found(tmp_path: Path) -> None:
+    path = tmp_path / "mine.toml"
+    path.write_text("[fuse]\nvoxel_m = -1\n")
+    with pytest.raises(ConfigError, match=r"expected fuse\.voxel_m .* found -1 in .*mine\.toml"):
+        config.load(str(path))
+    with pytest.raises(ConfigError, match=r"found 0 in --set fuse\.voxel_m=0"):
+        config.load(None, ["fuse.voxel_m=0"])
+
+
+def test_settings_that_are_allowed_together_only_may_be_given_in_any_order() -> None:
+    both = ["fuse.obstacle_min_m=2", "fuse.robot_height_m=3"]
+    assert config.load(None, both) == config.load(None, both[::-1])
+
+
+def test_changes_begin_with_a_base() -> None:
+    base = config.load("fast")
+    changed = config.load(None, ["features.sift.edge_threshold=12"], base)
+    assert changed.features.sift.contrast_threshold == base.features.sift.contrast_threshold
+    assert changed.features.sift.edge_threshold == 12.0
+
+
+def test_a_section_without_changes_changes_nothing() -> None:
+    assert config.load(None, ["fuse={}"]) == config.Config()

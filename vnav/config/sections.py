@@ -1,0 +1,374 @@
+"""The settings by section: default, what it may be, unit, meaning. No other place says any of it.
+
+Ranges end where the code could do nothing with a value, or nothing a person could mean.
+"""
+
+from dataclasses import dataclass
+
+from vnav.config.setting import Section, choice, flag, number, section, whole
+from vnav.config.shipped import preset_cameras
+
+
+@dataclass(frozen=True)
+class CaptureConfig(Section, path="capture"):
+    """Reading a capture."""
+
+    association_s: float = number(
+        0.02, "(0, 10]", "s", "largest time between a colour image and its depth image"
+    )
+    preset_camera: str = choice(
+        "",
+        lambda: ("", *preset_cameras()),
+        "camera that ships with vnav, for a capture that has no camera.toml; empty: none",
+    )
+    units_per_metre: float = number(
+        0.0, "[0, 1000000]", "1/m", "units of stored depth; 0: those of the camera"
+    )
+    frame_rate_hz: float = number(
+        30.0, "(0, 10000]", "Hz", "of captures whose frames have a number and no time"
+    )
+
+
+@dataclass(frozen=True)
+class SiftConfig(Section, path="features.sift"):
+    """The front-end SIFT."""
+
+    contrast_threshold: float = number(
+        0.015, "[0, 1]", "grey level / 255", "features of less contrast are not used"
+    )
+    few_features: int = whole(
+        400,
+        "[0, 100000]",
+        "features",
+        "an image with fewer is searched again with weak_contrast_threshold",
+    )
+    weak_contrast_threshold: float = number(
+        0.006,
+        "[0, 1]",
+        "grey level / 255",
+        "contrast threshold of the second search: bare walls have weak features only",
+        rule="<= contrast_threshold",
+    )
+    edge_threshold: float = number(
+        10.0,
+        "[1, 1000]",
+        "ratio",
+        "features with a larger ratio of curvatures lie on edges and are not used",
+    )
+    root_sift: bool = flag(True, "RootSIFT descriptors instead of plain SIFT")
+
+
+@dataclass(frozen=True)
+class FeaturesConfig(Section, path="features"):
+    """Keypoints and descriptors."""
+
+    front_end: str = choice("sift", lambda: ("sift",), "what finds and describes features")
+    max_features: int = whole(
+        1500, "[1, 100000]", "features", "the strongest so many of a frame are kept"
+    )
+    sift: SiftConfig = section(SiftConfig)
+
+
+@dataclass(frozen=True)
+class RegistrationConfig(Section, path="registration"):
+    """Two frames to a relative pose."""
+
+    ratio: float = number(
+        0.8, "(0, 1]", "ratio", "a match has less than this ratio of nearest to second distance"
+    )
+    mutual: bool = flag(True, "a match is the nearest descriptor seen from either frame")
+    max_distance: float = number(
+        0.8,
+        "(0, 2]",
+        "descriptor length",
+        "largest distance of the unit descriptors of a match near a prediction",
+    )
+    search_radius_px: float = number(
+        40.0,
+        "(0, 10000]",
+        "px",
+        "about where the last motion predicts a feature, matches are sought",
+    )
+    search_features: int = whole(
+        400, "[3, 100000]", "features", "the strongest so many are sought near the prediction"
+    )
+    search_min_inlier_share: float = number(
+        0.85,
+        "[0, 1]",
+        "share",
+        "with a smaller share of inliers near the prediction, the whole image is searched too",
+    )
+    refine_radius_px: float = number(
+        8.0,
+        "(0, 10000]",
+        "px",
+        "with the motion found, matches are sought again so near to where it predicts them",
+        rule="<= search_radius_px",
+    )
+    pixel_sigma_px: float = number(
+        1.0, "(0, 100]", "px", "standard deviation of a keypoint's place in the image"
+    )
+    depth_sigma_per_m2: float = number(
+        0.0014,
+        "(0, 1]",
+        "m/m2",
+        "axial depth noise: its standard deviation is this times depth squared (Khoshelham 2012)",
+    )
+    depth_window_px: int = whole(
+        9, "[3, 101]", "px", "window of the plane fit that gives a keypoint its depth", odd=True
+    )
+    edge_window_px: int = whole(
+        5,
+        "[3, 101]",
+        "px",
+        "window tried instead where the other one holds a depth edge",
+        odd=True,
+        rule="<= depth_window_px",
+    )
+    one_sided_depth: bool = flag(
+        True, "a match counts although only one of its keypoints has depth"
+    )
+    ransac_threshold_px: float = number(
+        4.0, "(0, 1000]", "px", "largest reprojection error of an inlier"
+    )
+    ransac_iterations: int = whole(200, "[1, 1000000]", "samples", "samples of three matches")
+    min_inliers: int = whole(15, "[3, 100000]", "matches", "a pose with fewer inliers is rejected")
+    min_inlier_share: float = number(
+        0.15, "[0, 1]", "share", "a pose with a smaller share of inliers is rejected"
+    )
+
+
+@dataclass(frozen=True)
+class OdometryConfig(Section, path="odometry"):
+    """Frame-to-frame odometry and the choice of keyframes."""
+
+    max_depth_m: float = number(8.0, "(0, 100]", "m", "farther depth gives features no 3D point")
+    keyframe_translation_m: float = number(
+        0.25, "[0, 100]", "m", "a frame farther than this from the last keyframe becomes one"
+    )
+    keyframe_rotation_deg: float = number(
+        15.0, "[0, 180]", "deg", "a frame turned more than this from the last keyframe becomes one"
+    )
+    keyframe_min_inlier_share: float = number(
+        0.5,
+        "[0, 1]",
+        "share",
+        "a frame becomes a keyframe when its inliers with the last one are a smaller share of those"
+        " with the frame before",
+    )
+    recent_keyframes: int = whole(
+        10,
+        "[0, 1000]",
+        "keyframes",
+        "tried, newest first, when the frame before and the last keyframe fail",
+    )
+    similar_keyframes: int = whole(
+        5, "[0, 1000]", "keyframes", "tried after those, the most similar in appearance first"
+    )
+    max_degenerate_frames: int = whole(
+        30,
+        "[0, 100000]",
+        "frames",
+        "so many in a row may be held by their pixels although some direction is not observed",
+    )
+
+
+@dataclass(frozen=True)
+class VocabularyConfig(Section, path="vocabulary"):
+    """The vocabulary tree."""
+
+    branching: int = whole(10, "[2, 1000]", "children", "clusters that a node is split into")
+    max_levels: int = whole(5, "[1, 20]", "levels", "depth of the tree below its root")
+    max_descriptors: int = whole(
+        500_000,
+        "[1, 100000000]",
+        "descriptors",
+        "trained on: a word of a large map holds as few landmarks as one of a small map",
+    )
+    min_leaf: int = whole(50, "[2, 1000000]", "descriptors", "a node with fewer is not split")
+
+
+@dataclass(frozen=True)
+class LoopsConfig(Section, path="loops"):
+    """Loop candidates and their verification."""
+
+    candidates: int = whole(5, "[0, 1000]", "keyframes", "verified for each, by appearance")
+    min_relative_score: float = number(
+        0.3, "[0, 1]", "share", "of the similarity of neighbouring keyframes that a candidate needs"
+    )
+    exclude_s: float = number(5.0, "[0, 1000000]", "s", "keyframes nearer in time make no loop")
+    min_inliers: int = whole(25, "[3, 100000]", "matches", "a loop with fewer inliers is rejected")
+    min_inlier_share: float = number(
+        0.25, "[0, 1]", "share", "a loop with a smaller share of inliers is rejected"
+    )
+    sigma_deg: float = number(
+        0.3,
+        "[0, 90]",
+        "deg",
+        "added to a loop's noise: what an imperfect calibration and a rolling shutter turn",
+    )
+    sigma_m: float = number(0.015, "[0, 100]", "m", "added likewise: what they move")
+    proximity_rounds: int = whole(
+        2, "[0, 100]", "rounds", "searches for keyframes that see the same by their poses"
+    )
+    proximity_overlap: float = number(
+        0.3, "(0, 1]", "share", "of the view that both keyframes must see"
+    )
+    proximity_candidates: int = whole(
+        8, "[0, 1000]", "keyframes", "verified for each in a round, by overlap of their views"
+    )
+
+
+@dataclass(frozen=True)
+class OptimiseConfig(Section, path="optimise"):
+    """Pose graph, landmarks, bundle adjustment."""
+
+    max_closure_sigmas: float = number(
+        4.0,
+        "(0, 1000]",
+        "standard deviations",
+        "a loop closure farther off after the pose graph is optimised is wrong",
+    )
+    bundle_rounds: int = whole(
+        2, "[1, 100]", "rounds", "of bundle adjustment; each ends by removing outliers"
+    )
+    bundle_iterations: int = whole(10, "[1, 1000]", "iterations", "of the last round")
+    min_shared_landmarks: int = whole(
+        30,
+        "[0, 1000000]",
+        "landmarks",
+        "joined keyframes that share fewer are held by their pose graph edge too",
+    )
+    given_poses: str = choice(
+        "fixed",
+        lambda: ("fixed", "prior"),
+        "poses from elsewhere stay as they are, or are adjusted within the noise that loops show",
+    )
+
+
+@dataclass(frozen=True)
+class FuseConfig(Section, path="fuse"):
+    """Cloud, octree, mesh and grid."""
+
+    max_range_m: float = number(
+        4.0, "(0, 13.1]", "m", "farther depth is not fused: it is too noisy; more cannot be stored"
+    )
+    edge_per_m: float = number(
+        0.015, "(0, 10]", "1/m", "inverse depth that bends more from pixel to pixel is an edge"
+    )
+    voxel_m: float = number(0.02, "[0.001, 1]", "m", "voxel of the cloud")
+    octree_m: float = number(0.05, "[0.001, 1]", "m", "voxel of the octree and cell of the grid")
+    mesh_voxel_m: float = number(0.03, "[0.001, 1]", "m", "voxel of the volume behind the mesh")
+    obstacle_min_m: float = number(
+        0.10,
+        "[0, 100]",
+        "m",
+        "height above the floor from which something is an obstacle",
+        rule="< robot_height_m",
+    )
+    robot_height_m: float = number(
+        1.40, "(0, 100]", "m", "height above the floor up to which something is an obstacle"
+    )
+    free_height_m: float = number(
+        0.15, "[0, 10]", "m", "free space so near to the floor shows that a cell is free"
+    )
+
+
+@dataclass(frozen=True)
+class IndexConfig(Section, path="index"):
+    """What finding a photo needs, made ready."""
+
+    min_shared_landmarks: int = whole(
+        10, "[1, 1000000]", "landmarks", "keyframes that share so many are covisible"
+    )
+    neighbours: int = whole(
+        100, "[1, 10000]", "landmarks", "nearest in space, where a match is completed"
+    )
+
+
+@dataclass(frozen=True)
+class LocateConfig(Section, path="locate"):
+    """Active search and the pose of a photo."""
+
+    max_size_px: int = whole(
+        1600, "[64, 100000]", "px", "longer side of a photo; a larger one is scaled down"
+    )
+    max_features: int = whole(
+        3000, "[1, 100000]", "features", "the strongest so many of a photo are kept"
+    )
+    min_features: int = whole(30, "[1, 100000]", "features", "a photo with fewer is not located")
+    level_2d_3d: int = whole(
+        5,
+        "[0, 20]",
+        "level",
+        "of the tree that photo to map is searched at: root = 0, clamped to the tree",
+    )
+    level_3d_2d: int = whole(2, "[0, 20]", "level", "the same from map to photo")
+    ratio_2d_3d: float = number(
+        0.75, "(0, 1]", "ratio", "of nearest to second distance, from photo to map"
+    )
+    ratio_3d_2d: float = number(0.75, "(0, 1]", "ratio", "the same from map to photo")
+    enough_matches: int = whole(
+        100, "[1, 100000]", "matches", "in one place; the search ends there"
+    )
+    max_clusters: int = whole(
+        8, "[1, 1000]", "clusters", "covisibility clusters that the search goes on in"
+    )
+    solver: str = choice(
+        "auto",
+        lambda: ("auto", "p3p", "dlt"),
+        "of the pose; auto: p3p where the focal length is known, else dlt",
+    )
+    pixel_sigma_px: float = number(
+        1.0, "(0, 1000]", "px", "standard deviation of a keypoint, in an image 640 px wide"
+    )
+    ransac_threshold_px: float = number(
+        6.0, "(0, 1000]", "px", "largest reprojection error of an inlier, in an image 640 px wide"
+    )
+    ransac_iterations: int = whole(1000, "[1, 1000000]", "samples", "minimal sets at most")
+    min_inliers: int = whole(12, "[4, 100000]", "matches", "a pose needs in one place")
+    min_confidence: float = number(
+        0.95, "(0, 1)", "probability", "that the pose is right; with less none is given"
+    )
+
+
+@dataclass(frozen=True)
+class PlanConfig(Section, path="plan"):
+    """The path and the robot that follows it."""
+
+    robot_radius_m: float = number(0.20, "[0, 100]", "m", "of the robot, seen from above")
+    tolerance_m: float = number(
+        0.50, "[0, 100]", "m", "start and goal may be moved so far to where the robot can be"
+    )
+    clearance_weight: float = number(
+        1.0, "[0, 1000]", "factor", "a metre where the robot just fits costs 1 + this"
+    )
+    clearance_range_m: float = number(
+        0.30, "[0.001, 100]", "m", "more clearance than this beyond the robot's is worth nothing"
+    )
+    max_uncertainty_m: float = number(
+        0.05, "[0, 100]", "m", "of the map, that obstacles are inflated by: more would close doors"
+    )
+    spacing_m: float = number(0.05, "[0.001, 100]", "m", "largest distance of the path's points")
+    allow_unknown: bool = flag(False, "the path may cross space that was never seen")
+    unknown_cost: float = number(
+        3.0, "[1, 1000]", "factor", "a metre of unknown space costs this times a free one"
+    )
+
+
+@dataclass(frozen=True)
+class Config(Section, path=""):
+    """All settings of a run."""
+
+    seed: int = whole(0, "[0, 4294967295]", "1", "where all random numbers of a run begin")
+    capture: CaptureConfig = section(CaptureConfig)
+    features: FeaturesConfig = section(FeaturesConfig)
+    registration: RegistrationConfig = section(RegistrationConfig)
+    odometry: OdometryConfig = section(OdometryConfig)
+    vocabulary: VocabularyConfig = section(VocabularyConfig)
+    loops: LoopsConfig = section(LoopsConfig)
+    optimise: OptimiseConfig = section(OptimiseConfig)
+    fuse: FuseConfig = section(FuseConfig)
+    index: IndexConfig = section(IndexConfig)
+    locate: LocateConfig = section(LocateConfig)
+    plan: PlanConfig = section(PlanConfig)
