@@ -3,6 +3,7 @@
 #   make test        set-up, the checks of `make check`, all tests that need no capture
 #   make check       doctor, lint, format, types
 #   make bench       speed against peers            make bench-real   all on ../shared/captures
+#   make results     docs/results.md, of what these two record in benchmarks/results
 #   make clean       everything that make made
 
 PYTHON ?= python3
@@ -15,9 +16,10 @@ PACKAGES := libegl1 libgl1 libx11-6 libidn2-0 libstdc++6 libudev1 libusb-1.0-0
 
 INSTALL := $(BIN)/pip install --quiet --disable-pip-version-check --config-settings editable_mode=strict
 CAPTURES := ../shared/captures/house ../shared/captures/redkitchen01
+DESK := ../shared/captures/fr1_desk
 SOURCES := find vnav cli configs datasets -type f ! -name '*.pyc'
 
-.PHONY: setup demo test check bench bench-real clean python system links
+.PHONY: setup demo test check bench bench-real results clean python system links
 
 setup: python system links
 
@@ -34,17 +36,23 @@ check: setup
 	cd $(VENV) && bin/mypy --strict --config-file ../pyproject.toml --cache-dir ../.mypy_cache -p vnav  # vnav.cli is in it
 
 bench: setup $(VENV)/bench
-	$(BIN)/python benchmarks/astar.py
-	$(BIN)/python benchmarks/speed.py
-	$(BIN)/python benchmarks/locating.py
+	$(BIN)/python benchmarks/astar.py --record
+	$(BIN)/python benchmarks/speed.py --record
+	$(BIN)/python benchmarks/locating.py --record
 
 # Hours. The table at the end tells of runs that failed, too.
 bench-real: setup
 	$(BIN)/pytest tests/real
+	$(BIN)/python benchmarks/accuracy.py $(CAPTURES) $(DESK) --maps bench/maps --record
+	$(BIN)/python benchmarks/degraded_photos.py bench/maps/house ../shared/captures/house --record
+	$(BIN)/python benchmarks/false_loops.py bench/maps/house ../shared/captures/house --record
 	$(BIN)/python benchmarks/hard_versions.py $(CAPTURES) --out bench
 	-$(BIN)/vnav evaluate bench/hard.toml --out bench/hard
 	-$(BIN)/vnav evaluate bench/seeds.toml --seeds 5 --out bench/seeds
-	$(BIN)/python benchmarks/hard_table.py bench
+	$(BIN)/python benchmarks/hard_table.py bench --record
+
+results: setup
+	$(BIN)/python benchmarks/make_results.py
 
 clean:
 	rm -rf $(VENV) build dist demo bench *.egg-info .mypy_cache .pytest_cache .ruff_cache

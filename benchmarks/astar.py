@@ -6,15 +6,19 @@ length times the mean of its two cells), pyastar2d that of the cell entered, dia
 vnav does not cut corners, so on grids with blocked cells its routes are a little longer and its
 search is the harder one. Exit code 1 where vnav takes more than twice as long as pyastar2d, or as
 long as scikit-image.
+
+    python benchmarks/astar.py [--record]
 """
 
+import argparse
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 
 import numpy as np
 import pyastar2d
 from numpy.typing import NDArray
+from recording import Measurement, add_record_option, missed, record, table
 from scipy import ndimage
 from skimage.graph import route_through_array
 
@@ -24,7 +28,8 @@ from vnav.core.grid import FREE, OCCUPIED, Grid
 from vnav.planning.astar import UNIT, Route, search
 from vnav.planning.costmap import costmap
 
-SIZE, RUNS, SLOW_RUNS, LIMIT = 1000, 11, 3, 2.0
+SIZE, RUNS, SLOW_RUNS = 1000, 11, 3
+PEERS = (("pyastar2d", "at most 2"), ("scikit-image", "at most 1"))
 Cell = tuple[int, int]
 Costs = NDArray[np.int32]
 
@@ -89,24 +94,35 @@ def compare(costs: Costs, start: Cell, goal: Cell) -> tuple[NDArray[np.float64],
     return spent, route
 
 
-def main() -> int:
+def measured(name: str, spent: NDArray[np.float64]) -> Iterator[Measurement]:
+    """Medians of the times (RUNS, 3) and of their ratios on one grid."""
+    on, what = f"grid of {SIZE} x {SIZE}", f"A*, {name}"
+    for k, (peer, wanted) in enumerate(PEERS, 1):
+        pairs = spent[np.isfinite(spent[:, k])]
+        ours_ms, others_ms = (float(1e3 * np.median(pairs[:, column])) for column in (0, k))
+        ratio = float(np.median(pairs[:, 0] / pairs[:, k]))
+        yield Measurement(on, what, "wall time, ratio", ratio, "", wanted, peer)
+        yield Measurement(on, what, "wall time", ours_ms, "ms", None, peer)
+        yield Measurement(on, what, "wall time of the other", others_ms, "ms", None, peer)
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
     """Print a table; 1 where a limit is broken."""
+    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
+    add_record_option(parser)
+    asked = parser.parse_args(arguments)
     search(np.full((2, 2), UNIT, np.int32), (0, 0), (1, 1))  # compiled, or loaded from the cache
-    print(f"A*, {SIZE} x {SIZE} cells; medians of {RUNS} runs, {SLOW_RUNS} of scikit-image, in ms")
-    heads = ("vnav", "pyastar2d", "scikit", "/pyastar2d", "/scikit", "expanded")
-    print(" " * 26 + "".join(f"{head:>11}" for head in heads))
-    kept = True
+    found: list[Measurement] = []
     for name, costs in grids():
         spent, route = compare(costs, *ends(costs))
-        ours, others = np.nanmedian(spent, 0)[0], np.nanmedian(spent, 0)[1:]
-        ratios = np.nanmedian(spent[:, :1] / spent[:, 1:], 0)
-        kept &= bool(ratios[0] <= LIMIT and ratios[1] < 1)
+        found += measured(name, spent)
         expanded = route.expanded if isinstance(route, Route) else 0
-        values = [f"{value * 1e3:.1f}" for value in (ours, *others)]
-        values += [f"{ratios[0]:.2f}", f"{ratios[1]:.3f}", str(expanded)]
-        print(f"{name:26}" + "".join(f"{value:>11}" for value in values))
-    print(f"at most {LIMIT:g} x pyastar2d, less than scikit-image: {'yes' if kept else 'NO'}")
-    return 0 if kept else 1
+        print(f"{name}: {expanded} cells expanded", flush=True)
+    print(f"\n{table(found)}")
+    if asked.record:
+        libraries = ("pyastar2d", "scikit-image")
+        record("plan_speed", "how fast", found, arguments, libraries=libraries)
+    return int(bool(missed(found)))
 
 
 if __name__ == "__main__":

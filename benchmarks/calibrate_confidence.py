@@ -1,7 +1,7 @@
 """Fits the odds by which finding a photo judges its poses, on synthetic scenes with true poses.
 
-    python benchmarks/calibrate_confidence.py [--out DIR]
-    python benchmarks/calibrate_confidence.py --check MAP CAPTURE
+    python benchmarks/calibrate_confidence.py [--out DIR] [--record]
+    python benchmarks/calibrate_confidence.py --check MAP CAPTURE [--record]
 
 prints how often answers of each confidence are right: on the scenes, or on a capture with
 photos/groundtruth.txt; and the constants for `vnav.localisation.evidence.Odds` that fit the scenes
@@ -18,6 +18,7 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
+from recording import Measurement, add_record_option, record, table
 from scipy.ndimage import gaussian_filter1d
 from scipy.optimize import minimize
 
@@ -183,8 +184,8 @@ def log_loss(photos: list[Asked], odds: Odds) -> float:
     return total / len(photos)
 
 
-def reliability(photos: list[Asked], odds: Odds) -> str:
-    """A table: how many answers of each confidence there are, and how many are right."""
+def reliability(on: str, photos: list[Asked], odds: Odds) -> list[Measurement]:
+    """How many answers of each confidence there are, and how many are right."""
     best = []
     for photo in photos:
         chances = posterior([evidence(c, odds) for c in photo.cells])
@@ -192,28 +193,43 @@ def reliability(photos: list[Asked], odds: Odds) -> str:
             k = int(chances.argmax())
             best.append((chances[k], photo.right[k]))
     chance, right = np.array(best).T
-    lines = ["| confidence | photos | mean confidence | right |", "|---|---|---|---|"]
+    found = []
     for low, high in zip(BINS, BINS[1:], strict=False):
-        within = (chance > low) & (chance <= high)
+        within, what = (
+            (chance > low) & (chance <= high),
+            f"answers of confidence {low:g} to {high:g}",
+        )
         if within.any():
-            lines.append(
-                f"| {low:g} to {high:g} | {within.sum()} | {chance[within].mean():.3f}"
-                f" | {right[within].mean():.3f} |"
-            )
-    return "\n".join(lines)
+            mean, share = 100 * chance[within].mean(), 100 * right[within].mean()
+            found += [
+                Measurement(on, what, "answered", int(within.sum())),
+                Measurement(on, what, "mean confidence", float(mean), "%"),
+                Measurement(on, what, "within 25 cm and 10 deg", float(share), "%"),
+            ]
+    return found
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     parser.add_argument("--out", type=Path, default=Path("bench/confidence"))
     parser.add_argument("--check", nargs=2, type=Path, metavar=("MAP", "CAPTURE"))
+    add_record_option(parser)
     options = parser.parse_args()
     if options.check:
         folder, capture = MapFolder.open(options.check[0]), options.check[1]
         photos = asked(folder, photos_of(capture), true_poses(folder, capture))
-        print(reliability(photos, Odds()))
-        return
-    roots = [options.out / f"{scene}{k}" for k, (scene, *_) in enumerate(SCENES)]
+        found = reliability(capture.name, photos, Odds())
+        print(table(found))
+    else:
+        found = calibrated(options.out)
+    if options.record:
+        on = options.check[1].name if options.check else "rendered"
+        record(f"photos_{on}_confidence", "how often right", found)
+
+
+def calibrated(out: Path) -> list[Measurement]:
+    """Print the constants of today and those that fit best; how reliable those of today are."""
+    roots = [out / f"{scene}{k}" for k, (scene, *_) in enumerate(SCENES)]
     maps = [
         synthetic_map(
             root, CaptureSpec(scene, frames, PHOTOS, KINECT, PHONE, seed=k, sensor=sensor), off_m
@@ -234,9 +250,9 @@ def main() -> None:
     ]
     photos = [*known, *elsewhere]
     for odds in (Odds(), fitted(known, elsewhere, Odds())):
-        print(
-            odds, f"{log_loss(photos, odds):.3f} nats a photo", reliability(photos, odds), sep="\n"
-        )
+        found = table(reliability("rendered scenes", photos, odds))
+        print(odds, f"{log_loss(photos, odds):.3f} nats a photo", found, sep="\n")
+    return reliability("rendered scenes", photos, Odds())
 
 
 if __name__ == "__main__":

@@ -1,6 +1,6 @@
 """Are photos still found, and never wrongly, when they are bad?
 
-    python benchmarks/degraded_photos.py MAP CAPTURE [--every 1]
+    python benchmarks/degraded_photos.py MAP CAPTURE [--every 1] [--record]
 
 asks the map for the capture's photos as they are and spoilt in each way of WAYS, and prints a
 table. Right: within 5 cm and 2 degrees; wrong: over 30 cm or 10 degrees. Exit code 1 where one is
@@ -17,6 +17,7 @@ import cv2
 import numpy as np
 from calibrate_confidence import photos_of, true_poses
 from numpy.typing import NDArray
+from recording import Measurement, add_record_option, missed, record, table
 
 from vnav.config import Config
 from vnav.core import se3
@@ -113,34 +114,49 @@ def errors(
     return np.array(found)
 
 
+def measured(name: str, way: str, asked: int, off: NDArray[np.float64]) -> list[Measurement]:
+    """Counts of photos spoilt in one way by the errors (N, 2) of those located, and medians."""
+    what = f"its photos, {way}"
+    right = int(((off[:, 0] <= 0.05) & (off[:, 1] <= 2)).sum())
+    wrong = int(((off[:, 0] > 0.30) | (off[:, 1] > 10)).sum())
+    found = [
+        Measurement(name, what, "asked", asked),
+        Measurement(name, what, "answered", len(off)),
+        Measurement(name, what, "within 5 cm and 2 deg", right),
+        Measurement(name, what, "wrong", wrong, "", "at most 0"),
+    ]
+    if len(off):
+        middle_m, middle_deg = np.median(off, 0).tolist()
+        found.append(Measurement(name, what, "median error", 100 * middle_m, "cm"))
+        found.append(Measurement(name, what, "median error", middle_deg, "deg"))
+    return found
+
+
 def main(arguments: Sequence[str] | None = None) -> int:
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     parser.add_argument("map", type=Path)
     parser.add_argument("capture", type=Path)
     parser.add_argument("--every", type=int, default=1, help="take every so many photos only")
+    add_record_option(parser)
     options = parser.parse_args(arguments)
     folder = MapFolder.open(options.map)
     truth, locator = true_poses(folder, options.capture), Locator(folder, Config())
     photos = photos_of(options.capture)[:: options.every]
     k = read_color(options.capture / "photos" / "camera.toml")
-    print("| photos | located | right | wrong | median |", "|---|---|---|---|---|", sep="\n")
-    wrong = 0
+    found: list[Measurement] = []
     for way in WAYS:
         with tempfile.TemporaryDirectory() as out:
             R_old_new = spoil(photos, k, way, Path(out))
             files = sorted(Path(out).glob("*.png"))
             off = errors(locate(locator, files), truth, R_old_new)  # type: ignore[arg-type]
         off = off[np.isfinite(off[:, 0])]
-        right = int(((off[:, 0] < 0.05) & (off[:, 1] < 2)).sum())
-        bad = int(((off[:, 0] > 0.30) | (off[:, 1] > 10)).sum())
-        median = (
-            f"{100 * np.median(off[:, 0]):.1f} cm, {np.median(off[:, 1]):.2f} deg"
-            if len(off)
-            else ""
-        )
-        print(f"| {way} | {len(off)} of {len(photos)} | {right} | {bad} | {median} |", flush=True)
-        wrong += bad
-    return int(wrong > 0)
+        found += measured(options.capture.name, way, len(photos), off)
+        print(f"{way}: {len(off)} of {len(photos)} located", flush=True)
+    print(f"\n{table(found)}")
+    if options.record:
+        name = f"photos_{options.capture.name}_spoilt"
+        record(name, "how often right", found, arguments)
+    return int(bool(missed(found)))
 
 
 if __name__ == "__main__":

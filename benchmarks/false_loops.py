@@ -1,6 +1,6 @@
 """Do wrong loop closures survive the optimisation?
 
-    python benchmarks/false_loops.py MAP CAPTURE [--seeds 5] [--limit 0.02]
+    python benchmarks/false_loops.py MAP CAPTURE [--seeds 5] [--limit 0.02] [--record]
 
 copies a finished map up to its loops, adds as many false ones as a tenth of the accepted, optimises
 again and scores. A false loop joins two keyframes drawn at random by the relative pose and the
@@ -17,6 +17,7 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
+from recording import Measurement, add_record_option, missed, record, table
 
 from vnav.config import Config, updated
 from vnav.core.frame import Edge
@@ -75,28 +76,39 @@ def optimised(folder: MapFolder, capture: Path) -> tuple[float, int]:
     return scored.ate.translation_m.rmse, kept
 
 
+def measure(asked: argparse.Namespace, seed: int) -> list[Measurement]:
+    """A copy of the map with false loops, optimised and scored; seed -1: none are added."""
+    with tempfile.TemporaryDirectory() as scratch:
+        folder = MapFolder(Path(scratch) / "map")
+        ignore = shutil.ignore_patterns("optimise", "fuse", "index", "reports", "state")
+        shutil.copytree(asked.map, folder.root, ignore=ignore)
+        accepted = len(load_loop_edges(folder)[0])
+        false = inject(folder, seed) if seed >= 0 else 0
+        ate_m, kept = optimised(folder, asked.capture)
+    name = asked.capture.name
+    what = f"false loops, seed {seed}" if seed >= 0 else "no false loops"
+    return [
+        Measurement(name, what, "accepted loops", accepted),
+        Measurement(name, what, "false loops", false),
+        Measurement(name, what, "false loops kept", kept, "", "at most 0"),
+        Measurement(name, what, "ATE RMSE", ate_m, "m", f"at most {asked.limit:g}"),
+    ]
+
+
 def main(arguments: Sequence[str] | None = None) -> int:
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     parser.add_argument("map", type=Path)
     parser.add_argument("capture", type=Path)
     parser.add_argument("--seeds", type=int, default=5)
     parser.add_argument("--limit", type=float, default=0.02, help="ATE in metres")
+    add_record_option(parser)
     asked = parser.parse_args(arguments)
-    worst, survivors = 0.0, 0
-    print("| seed | accepted loops | false loops | of these kept | ATE |\n|---|---|---|---|---|")
-    for seed in range(-1, asked.seeds):
-        with tempfile.TemporaryDirectory() as scratch:
-            folder = MapFolder(Path(scratch) / "map")
-            ignore = shutil.ignore_patterns("optimise", "fuse", "index", "reports", "state")
-            shutil.copytree(asked.map, folder.root, ignore=ignore)
-            accepted = len(load_loop_edges(folder)[0])
-            count = inject(folder, seed) if seed >= 0 else 0
-            ate_m, kept = optimised(folder, asked.capture)
-        name = str(seed) if seed >= 0 else "none"
-        print(f"| {name} | {accepted} | {count} | {kept} | {ate_m:.4f} m |", flush=True)
-        worst, survivors = max(worst, ate_m), survivors + kept
-    print(f"\nworst ATE {worst:.4f} m (limit {asked.limit:g} m), false loops kept: {survivors}")
-    return int(worst > asked.limit or survivors > 0)
+    found = [m for seed in range(-1, asked.seeds) for m in measure(asked, seed)]
+    worst_m = max(m.value for m in found if m.quantity == "ATE RMSE")
+    print(f"{table(found)}\n\nworst ATE {worst_m:.4f} m (limit {asked.limit:g} m)")
+    if asked.record:
+        record(f"false_loops_{asked.capture.name}", "how robust", found, arguments)
+    return int(bool(missed(found)))
 
 
 if __name__ == "__main__":

@@ -1,6 +1,6 @@
 """What `vnav evaluate` found on hard versions, held against the clean captures.
 
-    python benchmarks/hard_table.py DIR
+    python benchmarks/hard_table.py DIR [--record]
 
 DIR holds the versions of hard_versions.py, in hard/ the results of its suite hard.toml (all of
 them), in seeds/ those of seeds.toml (the clean ones, several seeds). Exit code 1 where a usable
@@ -13,8 +13,20 @@ import sys
 from pathlib import Path
 from statistics import median
 
+from recording import Measurement, add_record_option, missed, record, table
+
 TIMES_CLEAN, SPREAD = 2.0, 0.2
 DROPPED = "dropped_2_seed_"
+SHOWN = {
+    "every_third": "every third frame only",
+    "dropped_20": "20 % of the frames dropped",
+    "blurred": "motion blur of 9 px on every tenth",
+    "exposed": "exposure jumping by 2",
+    "half_depth": "half of all depth missing",
+    "black_first": "first frame black",
+    "rolled": "rolled by 90 degrees",
+    "cut": "3 s cut out",
+}
 
 Row = dict[str, str]
 
@@ -34,54 +46,61 @@ def usable(versions: Path, row: Row) -> int:
     return int(row["frames"]) - len(path.read_text("utf-8").splitlines())
 
 
-def compare(rows: list[Row], versions: Path) -> bool:
-    """Print a line for each version; whether all of them are as they should be."""
+def compare(rows: list[Row], versions: Path) -> list[Measurement]:
+    """How each version that was mapped stands to the clean one, and what is wanted of it."""
     clean = {r["capture"]: float(r["ate_rmse_m"]) for r in rows if r["version"] == "clean"}
-    print("| version | posed | usable | ATE | / clean | | lost |\n|---|---|---|---|---|---|---|")
-    good = True
+    found = []
     for row in rows:
-        if row["state"] != "ok":
-            print(f"| {row['sequence']} | | | | | failed | {row['reason']} |")
-            good = False
-            continue
-        wanted = usable(versions, row)
-        ate_m = float(row["ate_rmse_m"] or "nan")
-        ratio = ate_m / clean[row["capture"]]
-        well = int(row["posed"]) >= wanted and ratio <= TIMES_CLEAN
-        good &= well
-        print(
-            f"| {row['sequence']} | {row['posed']} | {wanted} | {ate_m:.4f} m | {ratio:.2f}"
-            f" | {'' if well else 'missed'} | {row['lost']} |"
-        )
-    return good
+        on, what = row["capture"], SHOWN.get(row["version"], row["version"])
+        wanted, ate_m = usable(versions, row), float(row["ate_rmse_m"] or "nan")
+        limit, times = f"at least {wanted}", f"at most {TIMES_CLEAN:g}"
+        found += [
+            Measurement(on, what, "usable frames", wanted),
+            Measurement(on, what, "frames with a pose", int(row["posed"]), "", limit),
+            Measurement(on, what, "ATE RMSE", ate_m, "m"),
+            Measurement(on, what, "ATE, of the clean", ate_m / clean[on], "", times),
+        ]
+    return found
 
 
-def spreads(rows: list[Row], what: str) -> bool:
-    """Print how far runs of one capture lie apart; whether none is too wide."""
-    good = True
+def spreads(rows: list[Row], what: str) -> list[Measurement]:
+    """How far runs of each capture lie apart."""
+    found = []
     for capture in dict.fromkeys(row["capture"] for row in rows):
         ates_m = [float(r["ate_rmse_m"] or "nan") for r in rows if r["capture"] == capture]
-        middle = median(ates_m)
-        share = (max(ates_m) - min(ates_m)) / middle
-        good &= share <= SPREAD
+        middle_m = median(ates_m)
+        share = (max(ates_m) - min(ates_m)) / middle_m
         print(
             f"{capture}, {len(ates_m)} {what}: ATE {min(ates_m):.4f} to {max(ates_m):.4f} m,"
-            f" {share:.0%} of the median (wanted: at most {SPREAD:.0%})"
+            f" {share:.0%} of the median"
         )
-    return good
+        name, limit = f"{len(ates_m)} {what}, the median", f"at most {100 * SPREAD:g}"
+        found.append(Measurement(capture, name, "ATE RMSE", middle_m, "m"))
+        found.append(Measurement(capture, name, "spread of ATE", 100 * share, "%", limit))
+    return found
 
 
 def main(arguments: list[str] | None = None) -> int:
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     parser.add_argument("versions", type=Path, metavar="DIR")
-    folder = parser.parse_args(arguments).versions
-    rows = rows_of(folder / "hard")
-    good = compare(rows, folder)
-    print()
-    dropped = [r for r in rows if r["version"].startswith(DROPPED) and r["state"] == "ok"]
-    good &= spreads(dropped, "runs without 2 % of the frames")
-    good &= spreads([r for r in rows_of(folder / "seeds") if r["state"] == "ok"], "seeds")
-    return int(not good)
+    add_record_option(parser)
+    asked = parser.parse_args(arguments)
+    rows = rows_of(asked.versions / "hard")
+    failed, mapped = ([r for r in rows if (r["state"] == "ok") == ok] for ok in (False, True))
+    seeds = [r for r in rows_of(asked.versions / "seeds") if r["state"] == "ok"]
+    found = compare(mapped, asked.versions)
+    dropped = [r for r in mapped if r["version"].startswith(DROPPED)]
+    found += spreads(dropped, "runs without 2 % of the frames")
+    found += spreads(seeds, "seeds")
+    print(f"\n{table(found)}\n")
+    for row in failed:
+        print(f"{row['sequence']}: failed, {row['reason']}")
+    for row in (row for row in mapped if row["lost"]):
+        print(f"{row['sequence']}: frames without a pose: {row['lost']}")
+    for capture in dict.fromkeys(row["capture"] for row in mapped) if asked.record else ():
+        own = [m for m in found if m.on == capture]
+        record(f"hard_{capture}", "how robust", own, arguments)
+    return int(bool(failed or missed(found)))
 
 
 if __name__ == "__main__":

@@ -1,6 +1,6 @@
 """How long finding a photo takes, held against its SIFT, exhaustive matching and other solvers.
 
-    python benchmarks/locating.py [--out DIR] [--every N]
+    python benchmarks/locating.py [--out DIR] [--every N] [--record]
 
 builds what is missing of the maps in DIR: house, with its photos, and the first half of
 redkitchen01 at its true poses, asked for every tenth frame of the second half (both from
@@ -34,11 +34,11 @@ import numpy as np  # noqa: E402
 from exhaustive import Exhaustive, by_poselib, by_pycolmap, optional  # noqa: E402
 from numpy.typing import NDArray  # noqa: E402
 from photo_cases import Case, building, cases, command  # noqa: E402
+from recording import Measurement, add_record_option, missed, record, table  # noqa: E402
 
 from vnav.config import Config  # noqa: E402
 from vnav.core import se3  # noqa: E402
 from vnav.features import sift  # noqa: E402
-from vnav.io.formats.trajectories import read_tum  # noqa: E402
 from vnav.io.store.index_file import load_index  # noqa: E402
 from vnav.io.store.tree_file import load_tree  # noqa: E402
 from vnav.localisation import hypotheses, localise  # noqa: E402
@@ -51,20 +51,22 @@ from vnav.stages.locate import Locator  # noqa: E402
 Array = NDArray[np.float64]
 Times = NDArray[np.float64]  # (2,): wall and CPU, seconds
 
-WANTED_COLD_S, WANTED_LOAD_S, WANTED_GROWTH, WANTED_BUSY = 1.5, 0.3, 2.0, 0.75
+WANTED_COLD_MS, WANTED_LOAD_MS, WANTED_GROWTH, WANTED_BUSY = 1500, 300, 2, 75
 MISSED_AT_MOST = 1  # photos that exhaustive matching finds and vnav does not
 RIGHT_M, RIGHT_DEG = 0.05, 5.0
 ROOMS = 2, 12
 COLD_RUNS = 5
 SIFT, ALL, REST = "SIFT of the photo", "all that follows", "quantisation, evidence and the rest"
+PEER = "SIFT of the same photo"
+SOLVERS = ("poselib", "pycolmap")
 WANTED = {ALL: 0.5}  # times SIFT, wall
 PARTS = (  # what is told, and the functions that do it
     (SIFT, sift.Sift, "extract"),
     (ALL, locate, "prepare"),
     (ALL, locate, "localise"),
     ("search", localise, "seeds"),
-    ("search", localise, "alike"),
-    ("search", hypotheses, "places"),
+    ("search", localise, "repeated_matches"),
+    ("search", hypotheses, "clusters"),
     ("search", hypotheses, "completed"),
     ("RANSAC and its refinement", hypotheses, "_consensus"),
     ("verification", hypotheses, "_verified"),
@@ -155,8 +157,8 @@ def is_right(T_world_camera: Array | None, true: Array) -> bool:
     return bool(np.linalg.norm(off[:3, 3]) <= RIGHT_M and degrees <= RIGHT_DEG)
 
 
-def report(case: Case, every: int) -> bool:
-    """Ask a case's photos, print what it took, and tell whether all that is wanted is there."""
+def photos_of_case(case: Case, every: int) -> tuple[list[Measurement], list[Measurement]]:
+    """Ask a case's photos: what it took, and how many poses are right."""
     config = Config()
     locator, exhaustive = Locator(case.folder, config, case.camera), Exhaustive(case.folder)
     photos, rows = case.photos[::every], []
@@ -175,38 +177,42 @@ def report(case: Case, every: int) -> bool:
             pose,
         ]
         right += [is_right(pose, case.truth[photo.name]) for pose in poses]
-    load = " ".join(f"{value:.1f}" for value in os.getloadavg())
-    print(f"\n## {case.name}: {len(photos)} photos, {os.cpu_count()} cores, load {load}\n")
-    ratios = _table(rows)
-    for name in ("poselib", "pycolmap"):
-        if not optional(name):
-            print(f"{name} is not installed, and left out; `pip install {name}` brings it in")
-    solver = "poselib" if optional("poselib") else "vnav"
-    given, best, all_found = right
-    print(f"\nwithin {100 * RIGHT_M:g} cm and {RIGHT_DEG:g} deg: {given} given, {best} with the")
-    print(f"likeliest pose whatever its probability, {all_found} by exhaustive matching and")
-    print(f"{solver}'s RANSAC (wanted: at most {MISSED_AT_MOST} fewer than it)")
-    slow = [name for name, limit in WANTED.items() if ratios[name] > limit]
-    return not slow and best >= all_found - MISSED_AT_MOST
+    return times_of(f"{case.name}, a photo", rows), recall(case.name, len(photos), right.tolist())
 
 
-def _table(rows: list[dict[str, Times]]) -> dict[str, float]:
-    """Print medians of times by name and of their ratios to SIFT's; the ratios of wall time."""
-    names, found = list(dict.fromkeys(name for row in rows for name in row)), {}
-    print("| | wall ms | CPU ms | wall / SIFT's | CPU / SIFT's | wanted, wall |")
-    print("|---|---|---|---|---|---|")
+def times_of(on: str, rows: list[dict[str, Times]]) -> list[Measurement]:
+    """Medians over the photos of times by name, and of their ratios to the same photo's SIFT."""
+    names, found = list(dict.fromkeys(name for row in rows for name in row)), []
     of_sift = np.array([row[SIFT] for row in rows])
     for name in sorted(names, key=lambda name: (name != SIFT, name == ALL)):
         times = np.array([row.get(name, np.zeros(2)) for row in rows])
-        (wall, cpu), (wall_ms, cpu_ms) = np.median(times / of_sift, 0), 1e3 * np.median(times, 0)
-        found[name] = float(wall)
-        wanted = f"at most {WANTED[name]:g}" if name in WANTED else ""
-        print(f"| {name} | {wall_ms:.1f} | {cpu_ms:.1f} | {wall:.3f} | {cpu:.3f} | {wanted} |")
+        wall, cpu = np.median(times / of_sift, 0).tolist()
+        wall_ms, cpu_ms = (1e3 * np.median(times, 0)).tolist()
+        limit = f"at most {WANTED[name]:g}" if name in WANTED else None
+        found += [
+            Measurement(on, name, "wall time", wall_ms, "ms", None, PEER),
+            Measurement(on, name, "CPU time", cpu_ms, "ms", None, PEER),
+            Measurement(on, name, "wall time, ratio", wall, "", limit, PEER),
+            Measurement(on, name, "CPU time, ratio", cpu, "", None, PEER),
+        ]
     return found
 
 
-def cold(case: Case) -> bool:
-    """Print how long one photo takes from the shell, and how long the index takes to load."""
+def recall(name: str, photos: int, right: Sequence[int]) -> list[Measurement]:
+    """How many poses given, likeliest, and by exhaustive matching are right."""
+    solver = "poselib" if optional("poselib") else "vnav's RANSAC"
+    whats = ("pose given", "likeliest pose", f"exhaustive matching with {solver}")
+    limits = (None, f"at least {right[2] - MISSED_AT_MOST}", None)
+    within = f"within {100 * RIGHT_M:g} cm and {RIGHT_DEG:g} deg"
+    found = []
+    for what, count, limit in zip(whats, right, limits, strict=True):
+        found.append(Measurement(name, f"its photos, {what}", "asked", photos))
+        found.append(Measurement(name, f"its photos, {what}", within, count, "", limit))
+    return found
+
+
+def cold(case: Case) -> list[Measurement]:
+    """How long one photo takes from the shell, and how long the index takes to load."""
     shell = command("locate", case.photos[0], "--map", case.folder.root)
     shell += ["--camera", str(case.camera)] if case.camera else []
     whole, load = [], []
@@ -218,16 +224,17 @@ def cold(case: Case) -> bool:
         index = load_index(case.folder)
         load_tree(case.folder)
         load.append(time.perf_counter() - started)
-    whole_s, load_s = np.median(whole), np.median(load)
-    frames = len(read_tum(case.folder.stage("optimise") / "trajectory_0.tum").stamps_s)
-    print(f"\n{case.name}, {frames} frames, {len(index.points_world)} landmarks: `vnav locate`")
-    print(f"from the shell {whole_s:.2f} s (wanted: less than {WANTED_COLD_S:g}); its index and")
-    print(f"tree are loaded in {load_s:.3f} s (wanted: less than {WANTED_LOAD_S:g})")
-    return bool(whole_s < WANTED_COLD_S and load_s < WANTED_LOAD_S)
+    whole_ms, load_ms = (1e3 * float(np.median(seconds)) for seconds in (whole, load))
+    limits = f"at most {WANTED_COLD_MS}", f"at most {WANTED_LOAD_MS}"
+    on = f"{case.name}, {len(index.points_world)} landmarks, one photo"
+    return [
+        Measurement(on, "`vnav locate` from the shell", "wall time", whole_ms, "ms", limits[0]),
+        Measurement(on, "index and tree loaded", "wall time", load_ms, "ms", limits[1]),
+    ]
 
 
-def growth(small: Case, large: Case) -> bool:
-    """Print how much longer the search takes in the larger map, each asked for its own photos."""
+def growth(small: Case, large: Case) -> list[Measurement]:
+    """How much longer finding takes in the larger map, each asked for its own photos."""
     found, landmarks = [], []
     for case in (small, large):
         locator = Locator(case.folder, Config(), case.camera)
@@ -235,20 +242,21 @@ def growth(small: Case, large: Case) -> bool:
         landmarks.append(len(locator.database.index.points_world))
         found.append([asked(locator, photo) for photo in case.photos])
     located = [sum(answer.best is not None for answer, _, _ in of_map) for of_map in found]
-    print(f"\n## {small.name} and {large.name}: {landmarks[0]} and {landmarks[1]} landmarks\n")
-    print(f"{located[0]} and {located[1]} of {len(small.photos)} photos located\n")
-    print("| | ms | ms in the larger | ratio | wanted |", "|---|---|---|---|---|", sep="\n")
-    ratios = {}
+    print(f"{located[0]} and {located[1]} of {len(small.photos)} photos of buildings located\n")
+    on, peer = f"{large.name}, {landmarks[1]} landmarks, a photo", f"{small.name}, {landmarks[0]}"
+    measured = []
     for name in (SIFT, "search", ALL):
-        few, many = (1e3 * np.median([spent[name][0] for _, spent, _ in it]) for it in found)
-        ratios[name] = float(many / few)
-        wanted = f"at most {WANTED_GROWTH:g}" if name == "search" else ""
-        print(f"| {name} | {few:.1f} | {many:.1f} | {ratios[name]:.2f} | {wanted} |")
-    return ratios["search"] <= WANTED_GROWTH
+        few, many = (float(np.median([spent[name][0] for _, spent, _ in it])) for it in found)
+        limit = f"at most {WANTED_GROWTH}" if name == "search" else None
+        measured += [
+            Measurement(on, name, "wall time", 1e3 * many, "ms", None, peer),
+            Measurement(on, name, "wall time, ratio", many / few, "", limit, peer),
+        ]
+    return measured
 
 
-def busy(case: Case) -> bool:
-    """Print which share of all cores `vnav locate DIR --csv` keeps busy."""
+def busy(case: Case) -> list[Measurement]:
+    """Which share of all cores `vnav locate DIR --csv` keeps busy."""
     with tempfile.TemporaryDirectory() as scratch:
         photos = Path(scratch) / "photos"
         photos.mkdir()
@@ -262,22 +270,37 @@ def busy(case: Case) -> bool:
             usage = os.wait4(process.pid, 0)[2]
             process.returncode = 0  # waited for
         wall_s = time.perf_counter() - started
-    cores = len(os.sched_getaffinity(0))
-    share = (usage.ru_utime + usage.ru_stime) / wall_s / cores
-    print(f"\n`vnav locate DIR --csv` of {len(case.photos)} photos, {case.name}: {wall_s:.1f} s,")
-    print(f"{share:.0%} of {cores} cores busy (wanted: at least {WANTED_BUSY:.0%})")
-    return bool(share >= WANTED_BUSY)
+    share = (usage.ru_utime + usage.ru_stime) / wall_s / len(os.sched_getaffinity(0))
+    on, limit = f"{case.name}, {len(case.photos)} photos", f"at least {WANTED_BUSY}"
+    return [
+        Measurement(on, "`vnav locate DIR --csv`", "of all cores busy", 100 * share, "%", limit)
+    ]
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     parser.add_argument("--out", type=Path, default=Path("bench/locating"), help="of the maps")
     parser.add_argument("--every", type=int, default=1, help="take every so many photos only")
+    add_record_option(parser)
     options = parser.parse_args(arguments)
+    for name in (name for name in SOLVERS if not optional(name)):
+        print(f"{name} is not installed, and left out; `pip install {name}` brings it in")
     places, buildings = cases(options.out), [building(options.out, rooms) for rooms in ROOMS]
-    good = [report(case, options.every) for case in places]
-    good += [cold(places[0]), cold(buildings[1]), growth(*buildings), busy(places[0])]
-    return int(not all(good))
+    found: list[tuple[str, str, list[Measurement]]] = []
+    for case in places:
+        times, right = photos_of_case(case, options.every)
+        found.append((f"photo_speed_{case.stem}", "how fast", times))
+        found.append((f"photos_{case.stem}_peers", "how often right", right))
+    shell = [*cold(places[0]), *cold(buildings[1]), *busy(places[0])]
+    found.append(("photo_speed_shell", "how fast", shell))
+    found.append(("photo_speed_growth", "how fast", growth(*buildings)))
+    load = " ".join(f"{value:.1f}" for value in os.getloadavg())
+    print(f"{os.cpu_count()} cores, load {load}")
+    for name, question, measurements in found:
+        print(f"\n{table(measurements)}")
+        if options.record:
+            record(name, question, measurements, arguments, libraries=SOLVERS)
+    return int(any(missed(measurements) for _, _, measurements in found))
 
 
 if __name__ == "__main__":

@@ -31,6 +31,11 @@ class Case:
     camera: Path | None
     truth: dict[str, Array]  # T_world_camera by file name
 
+    @property
+    def stem(self) -> str:
+        """Its name, fit for a file's."""
+        return self.name.replace("'", "").replace(", ", "_").replace(" ", "_")
+
 
 def cases(out: Path) -> list[Case]:
     """What is there to ask photos of."""

@@ -1,6 +1,6 @@
 """How long a map takes, held against SIFT alone and Open3D's odometry, in one run.
 
-    python benchmarks/speed.py [CAPTURE...]
+    python benchmarks/speed.py [CAPTURE...] [--record]
 
 Without captures: those of ../shared/captures, else a rendered apartment. For each, several times in
 turn: SIFT on all cores from images in memory, by OpenCV's default settings and by vnav's; `vnav
@@ -10,6 +10,7 @@ machine counts for both; and a map of the first half of the frames. Then Open3D'
 with vnav's settings in the same run. Exit code 1 where something wanted is missed.
 """
 
+import argparse
 import json
 import os
 import shutil
@@ -26,6 +27,7 @@ from typing import Any
 import cv2
 import numpy as np
 from numpy.typing import NDArray
+from recording import Measurement, add_record_option, missed, record, table
 
 from vnav.config import CaptureConfig, FeaturesConfig
 from vnav.features import front_end
@@ -37,6 +39,7 @@ SHARED = Path(__file__).parents[2] / "shared" / "captures"
 SIFT_FRAMES, OPEN3D_PAIRS, RUNS = 300, 20, 3
 WANTED = {"odometry": 1.5, "all but fuse": 2.2, "all": 3.0}  # times SIFT alone, wall
 WANTED_MB, WANTED_DOUBLING = 2048, 2.2
+SIFT = "SIFT alone, vnav's settings"
 
 Image = NDArray[np.uint8]
 Reports = dict[str, dict[str, Any]]  # by stage
@@ -146,7 +149,7 @@ def rows_of(default: Times, sift: Times, open3d: Times, whole: Reports, count: i
     """The table of one run."""
     return {
         "SIFT alone, OpenCV's settings": default,
-        "SIFT alone, vnav's settings": sift,
+        SIFT: sift,
         f"Open3D hybrid odometry, {OPEN3D_PAIRS} pairs": open3d,
         **{stage: stage_ms(whole, [stage], count) for stage in STAGES},
         "all but fuse": stage_ms(whole, [s for s in STAGES if s != "fuse"], count),
@@ -154,8 +157,8 @@ def rows_of(default: Times, sift: Times, open3d: Times, whole: Reports, count: i
     }
 
 
-def report(path: Path, scratch: Path) -> bool:
-    """Measure one capture, print it, and tell whether all that is wanted is there."""
+def measure(path: Path, scratch: Path) -> tuple[list[Measurement], list[Measurement]]:
+    """The times that one capture takes, in turns with SIFT and with its first half; its memory."""
     capture = open_capture(path, CaptureConfig())
     count = len(capture)
     images = [np.array(capture.read(k).color) for k in evenly(capture, SIFT_FRAMES)]
@@ -170,34 +173,48 @@ def report(path: Path, scratch: Path) -> bool:
         runs.append(rows_of(default, sift, open3d_ms(capture), whole, count))
         doubling.append(stage_ms(whole, ["map"], count) / stage_ms(half, ["map"], count // 2) * 2)
         memory_mb = max(memory_mb, whole["map"]["values"]["peak_memory_mb"])
-    took = {name: np.median([rows[name] for rows in runs], 0) for name in runs[0]}
-    ratios = {
-        name: np.median([rows[name] / rows["SIFT alone, vnav's settings"] for rows in runs], 0)
-        for name in runs[0]
-    }
     load = " ".join(f"{value:.1f}" for value in os.getloadavg())
     print(f"\n## {path.name}: {count} frames, {os.cpu_count()} cores, load {load}\n")
-    print("| | wall ms a frame | CPU ms | wall / SIFT's | CPU / SIFT's | wanted, wall |")
-    print("|---|---|---|---|---|---|")
-    for name, (wall_ms, cpu_ms) in took.items():
-        wall, cpu = ratios[name]
-        wanted = f"at most {WANTED[name]:g}" if name in WANTED else ""
-        print(f"| {name} | {wall_ms:.1f} | {cpu_ms:.1f} | {wall:.2f} | {cpu:.2f} | {wanted} |")
-    wall, cpu = np.median(doubling, 0)
-    print(f"\npeak memory {memory_mb} MB (wanted: less than {WANTED_MB})")
-    print(
-        f"twice the frames, whole against first half: {wall:.2f} times the wall time"
-        f" (wanted: at most {WANTED_DOUBLING:g}), {cpu:.2f} times the CPU"
-    )
-    slow = [name for name, limit in WANTED.items() if ratios[name][0] > limit]
-    return not slow and memory_mb < WANTED_MB and wall <= WANTED_DOUBLING
+    times = [*stages_of(f"{path.name}, a frame", runs), scaling(path.name, doubling)]
+    limit = f"at most {WANTED_MB}"
+    return times, [Measurement(path.name, "build-map", "peak memory", memory_mb, "MB", limit)]
 
 
-def main() -> int:
-    good = True
-    for path in captures(sys.argv[1:]):
+def stages_of(on: str, runs: Sequence[Rows]) -> list[Measurement]:
+    """Medians over the runs of a frame's times, and of their ratios to SIFT's of the same run."""
+    found = []
+    for name in runs[0]:
+        wall_ms, cpu_ms = np.median([rows[name] for rows in runs], 0).tolist()
+        wall, cpu = np.median([rows[name] / rows[SIFT] for rows in runs], 0).tolist()
+        limit = f"at most {WANTED[name]:g}" if name in WANTED else None
+        found += [
+            Measurement(on, name, "wall time", wall_ms, "ms", None, SIFT),
+            Measurement(on, name, "CPU time", cpu_ms, "ms", None, SIFT),
+            Measurement(on, name, "wall time, ratio", wall, "", limit, SIFT),
+            Measurement(on, name, "CPU time, ratio", cpu, "", None, SIFT),
+        ]
+    return found
+
+
+def scaling(name: str, doubling: Sequence[Times]) -> Measurement:
+    """How many times as long the whole capture takes as its first half."""
+    ratio, limit = float(np.median(doubling, 0)[0]), f"at most {WANTED_DOUBLING:g}"
+    on, peer = f"{name}, all frames", "its first half"
+    return Measurement(on, "build-map", "wall time, ratio", ratio, "", limit, peer)
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
+    parser.add_argument("captures", nargs="*", metavar="CAPTURE")
+    add_record_option(parser)
+    asked, good = parser.parse_args(arguments), True
+    for path in captures(asked.captures):
         with tempfile.TemporaryDirectory() as scratch:
-            good &= report(path, Path(scratch))
+            times, memory = measure(path, Path(scratch))
+        print(f"{table(times)}\n\n{table(memory)}", flush=True)
+        good &= not missed([*times, *memory])
+        if asked.record:  # memory is accuracy.py's to record
+            record(f"map_speed_{path.name}", "how fast", times, arguments)
     return int(not good)
 
 
