@@ -14,7 +14,6 @@ if TYPE_CHECKING:
     from vnav.core.frame import Frame
     from vnav.core.mapping import Odometry
     from vnav.io.store.map_folder import MapFolder
-    from vnav.registration import Sensor
 
 
 @pytest.fixture(scope="session")
@@ -73,17 +72,6 @@ def frames(tiny_capture: Path) -> "list[Frame]":
 
     capture = open_capture(tiny_capture, CaptureConfig())
     return [capture.read(k) for k in range(6)]
-
-
-@pytest.fixture(scope="module")
-def sensor(camera: "Intrinsics") -> "Sensor":
-    """That camera, with the default noise and matcher."""
-    from vnav.config import RegistrationConfig
-    from vnav.features.matching import DescriptorMatcher
-    from vnav.registration import Sensor
-
-    config = RegistrationConfig()
-    return Sensor(camera, config, DescriptorMatcher(config))
 
 
 @pytest.fixture(scope="session")

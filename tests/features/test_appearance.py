@@ -1,7 +1,7 @@
 import numpy as np
 
 from vnav.core.frame import Features
-from vnav.features.appearance import signature
+from vnav.features.appearance import global_descriptor
 
 
 def features(descriptors: np.ndarray) -> Features:
@@ -16,17 +16,20 @@ def scene(seed: int, count: int = 400) -> np.ndarray:
 def test_a_frame_is_more_like_one_that_shares_half_of_it_than_like_another() -> None:
     here, there = scene(0), scene(1)
     half = np.concatenate([here[:200], scene(2)[:200]])
-    target = signature(features(here))
-    assert target @ signature(features(half)) > target @ signature(features(there)) + 0.2
+    target = global_descriptor(features(here))
+    assert (
+        target @ global_descriptor(features(half))
+        > target @ global_descriptor(features(there)) + 0.2
+    )
 
 
 def test_a_frame_is_wholly_like_itself_in_any_order() -> None:
     here = scene(0)
-    alike = signature(features(here)) @ signature(features(here[::-1]))
+    alike = global_descriptor(features(here)) @ global_descriptor(features(here[::-1]))
     assert abs(float(alike) - 1) < 1e-5  # float32
 
 
 def test_no_features_look_like_nothing() -> None:
-    nothing = signature(features(np.zeros((0, 128), np.uint8)))
+    nothing = global_descriptor(features(np.zeros((0, 128), np.uint8)))
     assert not nothing.any()
-    assert nothing.shape == signature(features(scene(0))).shape
+    assert nothing.shape == global_descriptor(features(scene(0))).shape

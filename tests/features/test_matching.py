@@ -4,7 +4,7 @@ import numpy as np
 
 from vnav.config import RegistrationConfig
 from vnav.core.frame import Features
-from vnav.features.guided_matching import match_near
+from vnav.features.guided_matching import match_guided
 from vnav.features.matching import DescriptorMatcher, match
 from vnav.features.sift import ROOT_SCALE
 
@@ -31,7 +31,7 @@ def pairs(matches: np.ndarray) -> list[tuple[int, int]]:
 def near(
     a: Features, b: Features, predicted: list[tuple[float, float]], limit: float = 400.0
 ) -> list[tuple[int, int]]:
-    return pairs(match_near(a, b, np.array(predicted).reshape(-1, 2), 10.0, 0.8, limit))
+    return pairs(match_guided(a, b, np.array(predicted).reshape(-1, 2), 10.0, 0.8, limit))
 
 
 def test_the_nearest_descriptor_matches() -> None:
@@ -112,7 +112,7 @@ def test_matching_near_is_matching_everywhere_where_all_is_in_reach() -> None:
     noisy = parents + rng.integers(-20, 21, (2, 60, 128))
     first, second = np.clip(noisy, 0, 255).astype(np.uint8)
     a, b = described(first), described(second[rng.permutation(60)])
-    together = match_near(a, b, np.zeros((60, 2)), 1.0, 0.8, 1e9)
+    together = match_guided(a, b, np.zeros((60, 2)), 1.0, 0.8, 1e9)
     np.testing.assert_array_equal(together, match(a, b, 0.8))
     assert len(together) == 60
 
@@ -123,5 +123,5 @@ def test_the_matcher_takes_its_limits_from_the_settings() -> None:
     predicted = np.array([[50.0, 50.0]])
     for value, expected in ((159, 1), (161, 0)):
         b = features([value], [(50, 50)])
-        assert len(matcher.near(features([100]), b, predicted, 10.0)) == expected
-    assert pairs(matcher.everywhere(features([100]), features([93, 110]))) == [(0, 0)]
+        assert len(matcher.match_guided(features([100]), b, predicted, 10.0)) == expected
+    assert pairs(matcher.match(features([100]), features([93, 110]))) == [(0, 0)]

@@ -9,12 +9,12 @@ from vnav.core.camera import Intrinsics
 from vnav.core.frame import Features, PoseEstimate, Rejected
 from vnav.core.mapping import FrameFeatures
 from vnav.features.matching import DescriptorMatcher
-from vnav.registration import Sensor, register
+from vnav.registration.points3d import PointRegistration
 
 CAMERA = Intrinsics(640, 480, 525.0, 525.0, 319.5, 239.5)
 OTHER = Intrinsics(320, 240, 240.0, 235.0, 160.5, 118.5)
 CONFIG = RegistrationConfig()
-SENSOR = Sensor(CAMERA, CONFIG, DescriptorMatcher(CONFIG))
+PAIR = PointRegistration(CAMERA, CAMERA, CONFIG, DescriptorMatcher(CONFIG))
 MOTION = se3.exp([0.05, -0.1, 0.03, 0.15, -0.05, 0.1])  # 7 degrees and 0.19 m
 TRIALS = 60
 Views = tuple[FrameFeatures, FrameFeatures]
@@ -65,13 +65,13 @@ def views(seed: int, count: int = 100, wrong: float = 0.0) -> Views:
 
 
 def estimated(pair: Views, seed: int = 0, predicted: np.ndarray | None = None) -> PoseEstimate:
-    result = register(*pair, SENSOR, np.random.default_rng(seed), predicted)
+    result = PAIR.register(*pair, np.random.default_rng(seed), predicted)
     assert isinstance(result, PoseEstimate), result
     return result
 
 
 def rejected(pair: Views) -> Rejected:
-    result = register(*pair, SENSOR, np.random.default_rng(0))
+    result = PAIR.register(*pair, np.random.default_rng(0))
     assert isinstance(result, Rejected), result
     return result
 
@@ -112,7 +112,7 @@ def test_errors_between_two_cameras_are_what_the_information_says(
 ) -> None:
     # As above. With one camera's focal length for both, a pixel's noise is taken for 2.2 times
     # what it is, or for less than half: the mean would leave the limits.
-    sensor = Sensor(cameras[1], CONFIG, SENSOR.matcher, cameras[0])
+    registration = PointRegistration(*cameras, CONFIG, PAIR.matcher)
     errors = []
     for k in range(TRIALS):
         rng = np.random.default_rng(k)
@@ -120,7 +120,7 @@ def test_errors_between_two_cameras_are_what_the_information_says(
         a = measured(points, descriptors, rng, cameras[0])
         there = se3.transform(se3.inverse(MOTION), points)
         b = measured(there, descriptors, rng, cameras[1])
-        estimate = register(a, b, sensor, rng)
+        estimate = registration.register(a, b, rng)
         assert isinstance(estimate, PoseEstimate)
         errors.append(normalised_error(estimate))
     assert 0.4 < np.mean(errors) < 1.2

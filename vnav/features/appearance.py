@@ -13,7 +13,7 @@ from vnav.core.tree import VocabularyTree
 BITS = 12
 
 
-def signature(features: Features) -> NDArray[np.float32]:
+def global_descriptor(features: Features) -> NDArray[np.float32]:
     """Unit histogram (2**BITS,) of the descriptors hashed by random hyperplanes; zeros if none.
 
     Two frames that show the same things have a large inner product (locality-sensitive hashing:

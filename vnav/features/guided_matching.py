@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 from vnav.core.frame import Features
 
 
-def match_near(
+def match_guided(
     a: Features,
     b: Features,
     predicted_px: NDArray[np.float64],
@@ -22,7 +22,7 @@ def match_near(
     only one feature is in reach there is no ratio, and its distance must be below
     ``max_distance``, as that of any match must.
     """
-    rows: NDArray[np.int32] = _match_near(
+    rows: NDArray[np.int32] = _match_guided(
         np.ascontiguousarray(predicted_px, np.float64),
         a.descriptors,
         b.keypoints_px,
@@ -33,7 +33,7 @@ def match_near(
 
 
 @njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
-def _match_near(
+def _match_guided(
     predicted: NDArray[np.float64],
     descriptors_a: NDArray[np.uint8],
     px_b: NDArray[np.float32],

@@ -11,23 +11,23 @@ BLOCK = 256  # rows at once, so that their distances stay in the cache
 
 
 class DescriptorMatcher:
-    """Matches by descriptor distance, everywhere or near a prediction."""
+    """Matches by descriptor distance, over the whole image or near a prediction."""
 
     def __init__(self, config: RegistrationConfig) -> None:
         self._config = config
 
-    def everywhere(self, a: Features, b: Features) -> NDArray[np.int32]:
+    def match(self, a: Features, b: Features) -> NDArray[np.int32]:
         """Rows (M, 2) that pass the ratio test over the whole image."""
         return match(a, b, self._config.ratio, self._config.mutual)
 
-    def near(
+    def match_guided(
         self, a: Features, b: Features, predicted_px: NDArray[np.float64], radius_px: float
     ) -> NDArray[np.int32]:
         """Rows (M, 2) that pass the ratio test close to their predicted places (A, 2) in b."""
-        from vnav.features.guided_matching import match_near  # numba: only where it is used
+        from vnav.features.guided_matching import match_guided  # numba: only where it is used
 
         limit = self._config.max_distance * ROOT_SCALE
-        return match_near(a, b, predicted_px, radius_px, self._config.ratio, limit)
+        return match_guided(a, b, predicted_px, radius_px, self._config.ratio, limit)
 
 
 def match(a: Features, b: Features, ratio: float, mutual: bool = True) -> NDArray[np.int32]:

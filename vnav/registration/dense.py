@@ -23,19 +23,19 @@ BLURS_PX = (12.0, 6.0, 3.0, 1.5)  # of the images that are compared, from coarse
 ITERATIONS = 20  # at each of them
 MIN_OVERLAP = 0.4  # share of the points that fall on a surface of the other image
 MIN_INLIERS = 0.8  # share of those that lie on it
-FIRM = 100.0  # times what the prediction knows, in every direction
+WELL_CONSTRAINED = 100.0  # times the prediction's information, in every direction
 
 
 @dataclass(frozen=True)
 class DenseEstimate:
     """How camera b stands to a, from all pixels and a prediction; ``information`` as in `Edge`.
 
-    ``firm``: the images fix every direction, and the prediction decides none.
+    ``well_constrained``: the images fix every direction, and the prediction decides none.
     """
 
     T_a_b: Array
     information: Array
-    firm: bool
+    well_constrained: bool
 
 
 def align(
@@ -63,7 +63,7 @@ def align(
         return Rejected("surfaces contradict the prediction")
     known, axes, _ = _known(compared, T_a_b)
     information = (axes * (known + 1)) @ axes.T / np.outer(MOTION_SIGMAS, MOTION_SIGMAS)
-    return DenseEstimate(T_a_b, information, bool(known.min() > FIRM))
+    return DenseEstimate(T_a_b, information, bool(known.min() > WELL_CONSTRAINED))
 
 
 def _descended(compared: Sequence[Compared], T_a_b: Array, predicted: Array) -> Array:

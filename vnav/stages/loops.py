@@ -26,7 +26,7 @@ from vnav.io.store.stage_reports import clock, finished, reused, settings_of
 from vnav.io.store.tree_file import load_tree
 from vnav.optimisation import pose_graph
 from vnav.optimisation.pose_graph import softened
-from vnav.registration import Sensor, register
+from vnav.registration.points3d import PointRegistration
 from vnav.threads import one_blas_thread
 
 NEIGHBOURS = 3  # keyframes apart: what odometry demands of a match will do, for it joined them
@@ -237,11 +237,11 @@ class Verifier:
         near = candidate[1] - candidate[0] <= NEIGHBOURS
         followed = near and self._segment[a.row] == self._segment[b.row]
         settings = self._settings if followed else self._settings_of_loops
-        sensor = Sensor(of_b, settings, self._matcher, of_a)
+        registration = PointRegistration(of_a, of_b, settings, self._matcher)
         predicted = None
         if T_world_camera is not None:
             predicted = se3.inverse(T_world_camera[a.row]) @ T_world_camera[b.row]
-        return register(a, b, sensor, rng, predicted)
+        return registration.register(a, b, rng, predicted)
 
     def _edge(self, i: int, j: int, estimate: PoseEstimate) -> Edge:
         rows = self._keyframes[i].row, self._keyframes[j].row

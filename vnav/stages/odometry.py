@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from vnav.config import Config
+from vnav.core.camera import Intrinsics
 from vnav.core.frame import Frame
 from vnav.core.mapping import LOST, FrameFeatures, FrameTable, Odometry
 from vnav.core.progress import Progress, silent
@@ -19,16 +20,15 @@ from vnav.core.trajectory import Trajectory
 from vnav.errors import CaptureError
 from vnav.features import front_end
 from vnav.features.lifting import lift
-from vnav.features.matching import DescriptorMatcher
 from vnav.io.formats.trajectories import fingerprint
 from vnav.io.sources.capture import Capture
 from vnav.io.sources.rectify import rectified
 from vnav.io.store.artifacts import save_keyframe, save_odometry
 from vnav.io.store.map_folder import MapFolder
 from vnav.io.store.stage_reports import clock, finished, reused, settings_of
-from vnav.registration import Sensor
 from vnav.threads import one_blas_thread, one_opencv_thread
 from vnav.tracking.given_poses import GivenPoses, poses_at
+from vnav.tracking.odometry_builder import OdometryBuilder
 from vnav.tracking.visual_odometry import VisualOdometry
 
 
@@ -72,30 +72,30 @@ def track(
     TrajectoryError where hardly any frame has a pose of those ``given``.
     """
     frames = _frame_table(capture)
-    tracker: VisualOdometry | GivenPoses = VisualOdometry(config)
+    builder: OdometryBuilder = VisualOdometry(config)
     if given is not None:
-        tracker = GivenPoses(poses_at(frames.stamp_s, given, config.capture.association_s), config)
+        builder = GivenPoses(poses_at(frames.stamp_s, given, config.capture.association_s), config)
     with ThreadPoolExecutor(os.cpu_count()) as pool:
         written = []
         for row, seen in _described_frames(capture, config, pool):
             progress("odometry", row, len(frames))
             if isinstance(seen, str):
-                tracker.skip(row, seen)
-            elif tracker.add(seen.keyframe, seen.frame, seen.sensor):
+                builder.skip(row, seen)
+            elif builder.add(seen.features, seen.frame, seen.camera):
                 written.append(pool.submit(save_keyframe, draft, row, seen.frame))
         for keyframe in written:
             keyframe.result()
     progress("odometry", len(frames), len(frames))
-    return tracker.result(frames)
+    return builder.result(frames)
 
 
 @dataclasses.dataclass(frozen=True)
 class _Seen:
-    """A frame, its features, and the sensor that took it."""
+    """A frame, its features, and the camera that took it."""
 
-    keyframe: FrameFeatures
+    features: FrameFeatures
     frame: Frame
-    sensor: Sensor
+    camera: Intrinsics
 
 
 def _described_frames(
@@ -104,8 +104,7 @@ def _described_frames(
     """Every frame in order, read and described by the pool a little ahead; or why it cannot be."""
     extract = front_end(config.features).extract
     farthest = config.odometry.max_depth_m
-    matcher = DescriptorMatcher(config.registration)
-    sensor = Sensor(rectified(capture.camera), config.registration, matcher)
+    camera = rectified(capture.camera)
 
     def describe(row: int) -> _Seen | str:
         try:
@@ -114,8 +113,8 @@ def _described_frames(
             return str(error)
         features = extract(frame.color)
         near = np.where(frame.depth_m <= farthest, frame.depth_m, np.float32(0))
-        points = lift(features.keypoints_px, near, sensor.intrinsics, config.registration)
-        return _Seen(FrameFeatures(row, features, points), frame, sensor)
+        points = lift(features.keypoints_px, near, camera, config.registration)
+        return _Seen(FrameFeatures(row, features, points), frame, camera)
 
     with one_opencv_thread:
         ahead: deque[Future[_Seen | str]] = deque()
@@ -144,7 +143,7 @@ def report(odometry: Odometry) -> Report:
     spans = frames.spans(odometry.reasons)
     tracked = odometry.reasons.count("")
     is_tracked = np.array([not reason for reason in odometry.reasons])
-    loose = int((is_tracked & (odometry.segment == LOST)).sum())
+    degenerate = int((is_tracked & (odometry.segment == LOST)).sum())
     segments = np.unique(odometry.segment[is_tracked & (odometry.segment != LOST)])
     values = {
         "frames": len(frames),
@@ -153,13 +152,13 @@ def report(odometry: Odometry) -> Report:
         "segments": len(segments),
         "keyframes": keyframes,
         "edges": len(odometry.edges),
-        "loose": loose,
+        "degenerate": degenerate,
         "features_median": float(np.median([len(k.features) for k in odometry.keyframes])),
     }
     how = "have a given pose" if odometry.given else "tracked"
     line = f"{tracked} of {len(frames)} frames {how}, {keyframes} keyframes"
-    if loose:
-        line += f", {loose} frames held loosely"
+    if degenerate:
+        line += f", {degenerate} frames held by degenerate edges alone"
     if len(segments) > 1:
         line += f", in {len(segments)} segments"
     warnings = tuple(

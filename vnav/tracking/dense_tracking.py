@@ -1,57 +1,63 @@
-"""Frames followed by all their pixels, where their features show too little."""
+"""Frames tracked by all their pixels, where their features show too little."""
 
 from collections import deque
 
 import numpy as np
-from numpy.typing import NDArray
 
-from vnav.config import OdometryConfig
+from vnav.config import Config
+from vnav.core.arrays import Array
+from vnav.core.camera import Intrinsics
 from vnav.core.frame import Frame, Rejected
-from vnav.registration import Sensor
 from vnav.registration.dense import DenseEstimate, align
+from vnav.tracking.motion import MAX_STEPS
 
-LONGEST_STEP = 3.5  # of the usual time between frames: after a longer gap no motion is predicted
-REMEMBERED = 30  # frames that tell what is usual
+STEPS_KEPT = 30  # times between frames, whose median is the usual one
 
 
 class DenseTracker:
-    """Keeps the last tracked frame, to follow the next one from it."""
+    """Aligns the current frame with the last tracked one."""
 
-    def __init__(self, config: OdometryConfig) -> None:
-        self._most = config.max_degenerate_frames
+    def __init__(self, config: Config) -> None:
+        self._config = config
         self._last: tuple[int, Frame] | None = None
-        self._steps_s: deque[float] = deque(maxlen=REMEMBERED)
-        self._loose = 0
+        self._steps_s: deque[float] = deque(maxlen=STEPS_KEPT)
+        self._degenerate_frames = 0
 
     @property
-    def last(self) -> int | None:
+    def last_row(self) -> int | None:
         """Row of the last tracked frame, None before there is one."""
         return self._last[0] if self._last else None
 
     @property
-    def hanging(self) -> bool:
-        """Whether the last tracked frame is held loosely."""
-        return self._loose > 0
+    def is_degenerate(self) -> bool:
+        """Whether a degenerate edge alone holds the last tracked frame."""
+        return self._degenerate_frames > 0
 
-    def follow(
-        self, frame: Frame, sensor: Sensor, predicted: NDArray[np.float64] | None
-    ) -> DenseEstimate | None:
-        """How a frame stands to the last tracked one, near the predicted motion.
+    def track(
+        self, frame: Frame, camera: Intrinsics, predicted: Array | None
+    ) -> dict[int, DenseEstimate]:
+        """The motion from the last tracked frame, by its row, near the predicted one.
 
-        None where the pixels do not tell, after a gap in time, and where too many frames in a row
-        are held loosely already.
+        Empty where the pixels do not tell, after a gap in time, and where too many frames in a row
+        have been degenerate.
         """
-        if self._last is None or predicted is None or self._loose >= self._most:
-            return None
-        _, last = self._last
-        step_s = frame.stamp_s - last.stamp_s
-        if not self._steps_s or step_s > LONGEST_STEP * float(np.median(self._steps_s)):
-            return None
-        found = align(last, frame, sensor.intrinsics, sensor.config, predicted)
-        return None if isinstance(found, Rejected) else found
+        if self._last is None or predicted is None or self._has_gap(frame):
+            return {}
+        if self._degenerate_frames >= self._config.odometry.max_degenerate_frames:
+            return {}
+        row, last = self._last
+        estimate = align(last, frame, camera, self._config.registration, predicted)
+        return {} if isinstance(estimate, Rejected) else {row: estimate}
 
-    def took(self, row: int, frame: Frame, loose: bool) -> None:
-        """Remember a tracked frame, and whether it is held loosely."""
+    def remember(self, row: int, frame: Frame, degenerate: bool) -> None:
+        """Make this the last tracked frame; ``degenerate``: a degenerate edge alone holds it."""
         if self._last is not None:
             self._steps_s.append(frame.stamp_s - self._last[1].stamp_s)
-        self._last, self._loose = (row, frame), self._loose + 1 if loose else 0
+        self._last = row, frame
+        self._degenerate_frames = self._degenerate_frames + 1 if degenerate else 0
+
+    def _has_gap(self, frame: Frame) -> bool:
+        """Whether too long a time lies between the last frame and this one, or none is usual."""
+        assert self._last is not None
+        step_s = frame.stamp_s - self._last[1].stamp_s
+        return not self._steps_s or step_s > MAX_STEPS * float(np.median(self._steps_s))

@@ -8,14 +8,17 @@ from vnav.config import Config
 from vnav.core import se3
 from vnav.core.arrays import Array
 from vnav.core.association import associate, span
+from vnav.core.camera import Intrinsics
 from vnav.core.frame import Edge, Frame
 from vnav.core.mapping import LOST, FrameFeatures, FrameTable, Odometry
 from vnav.core.trajectory import Trajectory
 from vnav.errors import CaptureError, TrajectoryError
-from vnav.registration import Sensor, matches_near
+from vnav.features.matching import DescriptorMatcher
+from vnav.registration.points3d import PointRegistration
+from vnav.tracking.keyframes import is_new_view
 
 NO_POSE = "no pose given"
-LEAST_SHARE = 0.1  # of the frames: with fewer, the clocks are not the same
+MIN_SHARE = 0.1  # of the frames: with fewer, the clocks are not the same
 SIGMAS = np.repeat([0.001, 0.001], 3)  # rad, m: of the motion between neighbours
 
 
@@ -26,7 +29,7 @@ def poses_at(stamps_s: Array, given: Trajectory, largest_s: float) -> Array:
     interpolated. TrajectoryError where hardly any frame has one.
     """
     frames, poses = associate(stamps_s, given.stamps_s, largest_s).T
-    if len(frames) < LEAST_SHARE * len(stamps_s) or not len(frames):
+    if len(frames) < MIN_SHARE * len(stamps_s) or not len(frames):
         raise TrajectoryError(
             f"expected given poses within {largest_s:g} s of the frames, found them for"
             f" {len(frames)} of {len(stamps_s)}: frames are from {span(stamps_s)}, poses from"
@@ -43,45 +46,43 @@ class GivenPoses:
 
     def __init__(self, T_world_camera: Array, config: Config) -> None:
         self._config = config
+        self._matcher = DescriptorMatcher(config.registration)
         self._poses = T_world_camera.copy()
         self._keyframes: list[FrameFeatures] = []
         self._previous: FrameFeatures | None = None
         without = np.flatnonzero(np.isnan(T_world_camera[:, 0, 0]))
         self._reasons = {int(row): NO_POSE for row in without}
 
-    def add(self, view: FrameFeatures, _frame: Frame, sensor: Sensor) -> bool:
-        """Take the next frame; True where it is kept as a keyframe."""
-        if view.row in self._reasons or view.has_depth.sum() < sensor.config.min_inliers:
+    def add(self, current: FrameFeatures, _frame: Frame, camera: Intrinsics) -> bool:
+        """Take the next frame; True where it becomes a keyframe."""
+        min_inliers = self._config.registration.min_inliers
+        if current.row in self._reasons or current.has_depth.sum() < min_inliers:
             return False
-        new = not self._keyframes or self._is_far(view, sensor)
-        self._previous = view
-        if new:
-            self._keyframes.append(view)
-        return new
+        is_keyframe = not self._keyframes or self._is_new_view(current, camera)
+        self._previous = current
+        if is_keyframe:
+            self._keyframes.append(current)
+        return is_keyframe
 
     def skip(self, row: int, reason: str) -> None:
         """Leave a frame out, and say why."""
         self._reasons.setdefault(row, reason)
         self._poses[row] = np.nan
 
-    def _is_far(self, view: FrameFeatures, sensor: Sensor) -> bool:
+    def _is_new_view(self, current: FrameFeatures, camera: Intrinsics) -> bool:
         """From the last keyframe, by motion and by what both see, as in tracking."""
         assert self._previous is not None
-        settings, last = self._config.odometry, self._keyframes[-1]
-        T_last_view = self._motion(last, view)
-        shared = self._matches(last, view, sensor) / max(
-            1, self._matches(self._previous, view, sensor)
-        )
-        return bool(
-            np.linalg.norm(T_last_view[:3, 3]) > settings.keyframe_translation_m
-            or np.rad2deg(se3.rotation_angle(T_last_view)) > settings.keyframe_rotation_deg
-            or shared < settings.keyframe_min_inlier_share
-        )
+        keyframe = self._keyframes[-1]
+        matches = self._count_matches(keyframe, current, camera)
+        of_previous = self._count_matches(self._previous, current, camera)
+        T_keyframe_current = self._motion(keyframe, current)
+        return is_new_view(T_keyframe_current, matches / max(1, of_previous), self._config.odometry)
 
-    def _matches(self, a: FrameFeatures, b: FrameFeatures, sensor: Sensor) -> int:
+    def _count_matches(self, a: FrameFeatures, b: FrameFeatures, camera: Intrinsics) -> int:
         """How many of a's features are found close to where the poses put them in b."""
-        radius_px = sensor.config.search_radius_px
-        return len(matches_near(a, b, self._motion(a, b), sensor, radius_px))
+        config = self._config.registration
+        pair = PointRegistration(camera, camera, config, self._matcher)
+        return len(pair.match_guided(a, b, self._motion(a, b), config.search_radius_px))
 
     def _motion(self, a: FrameFeatures, b: FrameFeatures) -> Array:
         return np.asarray(se3.inverse(self._poses[a.row]) @ self._poses[b.row])

@@ -12,7 +12,7 @@ from vnav.registration.consensus import best_motion
 from vnav.registration.refinement import gauss_newton
 
 
-class Pairs:
+class Correspondences:
     """M matches: a 3D point of one frame, seen in the other as pixel and inverse depth.
 
     The point is a's where a has depth (``forward``), else b's.
@@ -32,6 +32,7 @@ class Pairs:
         px_a, px_b = (
             k.features.keypoints_px[rows] for k, rows in zip((a, b), matches.T, strict=True)
         )
+        self.matches = matches
         self.forward = np.isfinite(points_a[:, 2])
         which = self.forward[:, None]
         px, depth_m = np.where(which, px_b, px_a), np.where(which, points_b, np.nan)[:, 2:]
@@ -42,23 +43,23 @@ class Pairs:
         self._points_b = points_b
 
     @property
-    def both(self) -> NDArray[np.bool_]:
+    def has_both_depths(self) -> NDArray[np.bool_]:
         """Which matches (M,) have depth at both ends."""
         return np.asarray(np.isfinite(self._target[:, 2]))
 
     def consensus(
-        self, chosen: NDArray[np.intp], threshold_sigmas: float, confidence: float
+        self, samples: NDArray[np.intp], threshold_sigmas: float, confidence: float
     ) -> Array:
-        """``T_a_b`` (4, 4) of that chosen triple (S, 3) that most matches agree with.
+        """``T_a_b`` (4, 4) of that sample (S, 3) that most matches agree with, by RANSAC.
 
-        Chosen are matches with depth at both ends; no more of them are tried than ``confidence``
-        asks for. Squared residuals of a's points are truncated at the threshold; only b's own
-        noise counts.
+        Samples are rows of matches with depth at both ends; no more of them are tried than
+        ``confidence`` asks for. Squared residuals of a's points are truncated at the threshold;
+        only b's own noise counts.
         """
         limits = np.repeat(self._sigmas, (2, 1)) * threshold_sigmas
         row = np.cumsum(self.forward) - 1
         T_a_b: Array = best_motion(
-            row[chosen],
+            row[samples],
             self._source[self.forward],
             self._points_b[self.forward],
             self._target[self.forward, :2],

@@ -1,0 +1,66 @@
+"""The motion that is predicted of a camera."""
+
+import numpy as np
+
+from vnav.core import se3
+from vnav.tracking.motion import ConstantVelocity
+
+STEP = se3.exp([0.0, 0.1, 0.0, 0.2, 0.0, 0.0])
+TURN = se3.exp([0.0, 0.5, 0.0, 0.1, 0.0, 0.0])
+
+
+def after_two_frames() -> ConstantVelocity:
+    """0.1 s apart, and the next comes as soon."""
+    motion = ConstantVelocity()
+    motion.predict(5.0)
+    motion.update(0, {})
+    motion.predict(5.1)
+    motion.update(1, {0: STEP})
+    motion.predict(5.2)
+    return motion
+
+
+def test_the_last_step_is_predicted_again() -> None:
+    motion = after_two_frames()
+    np.testing.assert_allclose(motion.predicted(1), STEP, atol=1e-9)
+    np.testing.assert_allclose(motion.predicted(0), STEP @ STEP, atol=1e-9)
+
+
+def test_after_a_gap_a_longer_step_is_predicted() -> None:
+    motion = after_two_frames()
+    motion.predict(5.3)
+    farther = motion.predicted(1)
+    assert farther is not None
+    np.testing.assert_allclose(se3.log_so3(farther[:3, :3]), [0.0, 0.2, 0.0], atol=1e-9)
+    np.testing.assert_allclose(farther[:3, 3], 2 * STEP[:3, 3], atol=1e-9)
+
+
+def test_after_a_long_gap_the_camera_is_not_predicted_out_of_the_world() -> None:
+    motion = after_two_frames()
+    motion.predict(3600.0)
+    farther = motion.predicted(1)
+    assert farther is not None
+    assert np.linalg.norm(farther[:3, 3]) < 4 * np.linalg.norm(STEP[:3, 3])
+
+
+def test_frames_of_one_time_are_predicted_at_one_place() -> None:
+    motion = after_two_frames()
+    motion.predict(5.1)
+    np.testing.assert_allclose(motion.predicted(1), np.eye(4), atol=1e-9)
+
+
+def test_a_measured_step_is_predicted_instead_until_the_frame_is_added() -> None:
+    motion = after_two_frames()
+    motion.replace_prediction(TURN)
+    np.testing.assert_allclose(motion.predicted(1), TURN)
+    np.testing.assert_allclose(motion.predicted(0), STEP @ TURN)
+    motion.update(2, {1: STEP})
+    motion.predict(5.3)
+    np.testing.assert_allclose(motion.predicted(2), STEP, atol=1e-9)
+
+
+def test_nothing_is_predicted_of_another_track() -> None:
+    motion = after_two_frames()
+    motion.update(2, {})
+    assert motion.predicted(1) is None
+    assert motion.predicted(2) is not None

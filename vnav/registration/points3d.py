@@ -1,0 +1,147 @@
+"""Two frames registered by their matched 3D points: claim 3, S3 to S5."""
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vnav.config import RegistrationConfig
+from vnav.core import se3
+from vnav.core.arrays import Array
+from vnav.core.camera import Intrinsics
+from vnav.core.frame import Features, PoseEstimate, Rejected
+from vnav.core.mapping import FrameFeatures
+from vnav.registration.correspondences import Correspondences
+from vnav.registration.estimation import estimate_motion, refine_motion
+
+
+class Matcher(Protocol):
+    """Finds which features of two frames are the same: rows (M, 2) of a's and b's."""
+
+    def match(self, a: Features, b: Features) -> NDArray[np.int32]:
+        """Matches over the whole image."""
+
+    def match_guided(
+        self, a: Features, b: Features, predicted_px: Array, radius_px: float
+    ) -> NDArray[np.int32]:
+        """Matches close to where a's features are predicted in b, NaN for those with no place."""
+
+
+@dataclass(frozen=True)
+class PointRegistration:
+    """Registers frame b, taken by ``camera_b``, against frame a, taken by ``camera_a``.
+
+    ``config`` says how far pixels and depths are trusted.
+    """
+
+    camera_a: Intrinsics
+    camera_b: Intrinsics
+    config: RegistrationConfig
+    matcher: Matcher
+
+    def register(
+        self,
+        a: FrameFeatures,
+        b: FrameFeatures,
+        rng: np.random.Generator,
+        predicted: Array | None = None,
+    ) -> PoseEstimate | Rejected:
+        """How camera b stands to camera a, or why that cannot be told.
+
+        Matches, RANSAC on three matched 3D points each, then robust non-linear refinement of
+        reprojection and inverse depth with the sensor's noise. Where a motion ``T_a_b`` is
+        ``predicted``, the strongest features are first matched near the places that it gives.
+        Unless nearly all of those agree, features are also matched over the whole image, and the
+        motion with more inliers counts: near wrong places, wrong matches can agree by chance.
+        With the motion found, features are matched once more, close to where it puts them.
+        """
+        guided = self._estimate_guided(a, b, rng, predicted)
+        if (
+            isinstance(guided, PoseEstimate)
+            and guided.inlier_share >= self.config.search_min_inlier_share
+        ):
+            return self._matched_again(guided, a, b)
+        unguided = self._estimate_unguided(a, b, rng)
+        found = [e for e in (guided, unguided) if isinstance(e, PoseEstimate)]
+        estimates = [self._matched_again(estimate, a, b) for estimate in found]
+        return max(estimates, key=lambda estimate: len(estimate.inliers), default=unguided)
+
+    def match_guided(
+        self,
+        a: FrameFeatures,
+        b: FrameFeatures,
+        T_a_b: Array,
+        radius_px: float,
+        strongest: int | None = None,
+    ) -> NDArray[np.int32]:
+        """Rows (M, 2) of a's and b's features that match close to where a motion puts one's point.
+
+        Points of a are sought in b; where ``one_sided_depth``, those of b that are left are sought
+        in a, among the features that have no depth. Only the ``strongest`` are sought, or all.
+        """
+        in_b = _projected(a, T_a_b, self.camera_b, strongest)
+        found = self.matcher.match_guided(a.features, b.features, in_b, radius_px)
+        if not self.config.one_sided_depth:
+            return found
+        in_a = _projected(b, se3.inverse(T_a_b), self.camera_a, strongest)
+        back = self.matcher.match_guided(b.features, a.features, in_a, radius_px)[:, ::-1]
+        only_b = ~a.has_depth[back[:, 0]] & ~np.isin(back[:, 1], found[:, 1])
+        return np.concatenate([found, back[only_b]])
+
+    def _estimate_guided(
+        self, a: FrameFeatures, b: FrameFeatures, rng: np.random.Generator, predicted: Array | None
+    ) -> PoseEstimate | Rejected:
+        """By matches near the predicted places of the strongest features."""
+        if predicted is None:
+            return Rejected("no prediction")
+        radius_px, strongest = self.config.search_radius_px, self.config.search_features
+        matches = self.match_guided(a, b, predicted, radius_px, strongest)
+        return self._estimate(a, b, matches, rng)
+
+    def _estimate_unguided(
+        self, a: FrameFeatures, b: FrameFeatures, rng: np.random.Generator
+    ) -> PoseEstimate | Rejected:
+        """By matches over the whole image."""
+        matches = self.matcher.match(a.features, b.features)
+        has_depth = a.has_depth[matches[:, 0]]
+        if self.config.one_sided_depth:
+            has_depth |= b.has_depth[matches[:, 1]]
+        return self._estimate(a, b, matches[has_depth], rng)
+
+    def _estimate(
+        self,
+        a: FrameFeatures,
+        b: FrameFeatures,
+        matches: NDArray[np.int32],
+        rng: np.random.Generator,
+    ) -> PoseEstimate | Rejected:
+        if len(matches) < self.config.min_inliers:
+            return Rejected("too few matches", len(matches))
+        return estimate_motion(self._correspondences(a, b, matches), self.config, rng)
+
+    def _matched_again(
+        self, estimate: PoseEstimate, a: FrameFeatures, b: FrameFeatures
+    ) -> PoseEstimate:
+        """The estimate from all matches close to where the motion puts them, if those are more."""
+        matches = self.match_guided(a, b, estimate.T_a_b, self.config.refine_radius_px)
+        if len(matches) <= len(estimate.inliers):
+            return estimate
+        correspondences = self._correspondences(a, b, matches)
+        refined = refine_motion(estimate.T_a_b, correspondences, self.config)
+        return refined if isinstance(refined, PoseEstimate) else estimate
+
+    def _correspondences(
+        self, a: FrameFeatures, b: FrameFeatures, matches: NDArray[np.int32]
+    ) -> Correspondences:
+        return Correspondences(a, b, matches, (self.camera_a, self.camera_b), self.config)
+
+
+def _projected(
+    a: FrameFeatures, T_a_b: Array, camera_b: Intrinsics, strongest: int | None
+) -> Array:
+    """Where b sees the points of a's strongest features: pixels (N, 2), NaN for all others."""
+    predicted_px = np.full((len(a.features), 2), np.nan)
+    points_b = se3.transform(se3.inverse(T_a_b), a.points_camera[:strongest])
+    predicted_px[:strongest] = camera_b.project(points_b)
+    return predicted_px

@@ -1,0 +1,60 @@
+"""The constant-velocity motion model: where the next frame will be if the motion goes on."""
+
+import numpy as np
+
+from vnav.core import se3
+from vnav.core.arrays import Array
+
+MAX_STEPS = 3.5  # time steps that the velocity is trusted for; after a longer gap it is not
+
+
+class ConstantVelocity:
+    """Poses since the track began, and the motion that is predicted to the next frame."""
+
+    def __init__(self) -> None:
+        self._T_start_camera: dict[int, Array] = {}
+        self._last = -1
+        self._last_s = self._next_s = 0.0
+        self._step, self._step_s = np.eye(4), 0.0
+        self._T_last_next = np.eye(4)
+
+    def predict(self, stamp_s: float) -> None:
+        """Predict the motion to a frame of this time: the last step, longer after a gap."""
+        self._next_s = stamp_s
+        gap_s = stamp_s - self._last_s
+        steps = gap_s / self._step_s if self._step_s > 0 else 1.0
+        self._T_last_next = _scaled(self._step, float(np.clip(steps, 0.0, MAX_STEPS)))
+
+    def replace_prediction(self, T_last_next: Array) -> None:
+        """Take a measured motion to the next frame for the predicted one, until `update`."""
+        self._T_last_next = T_last_next
+
+    def update(self, row: int, T_target_camera: dict[int, Array]) -> None:
+        """Add the next frame by its motions from earlier ones, by their rows, the best first.
+
+        Without one from a frame of this track, a new track begins.
+        """
+        known = [(i, T) for i, T in T_target_camera.items() if i in self._T_start_camera]
+        if not known:
+            self._T_start_camera.clear()
+            pose = np.eye(4)
+        else:
+            pose = self._T_start_camera[known[0][0]] @ known[0][1]
+        previous = self._T_start_camera.get(self._last)
+        self._step = np.eye(4) if previous is None else se3.inverse(previous) @ pose
+        self._step_s = self._next_s - self._last_s
+        self._T_start_camera[row] = pose
+        self._last, self._last_s = row, self._next_s
+
+    def predicted(self, target: int) -> Array | None:
+        """``T_target_camera`` of the next frame; None where the target is of another track."""
+        if target not in self._T_start_camera:
+            return None
+        T_start_last = self._T_start_camera[self._last]
+        T_target_start = se3.inverse(self._T_start_camera[target])
+        return np.asarray(T_target_start @ T_start_last @ self._T_last_next)
+
+
+def _scaled(step: Array, steps: float) -> Array:
+    """A motion a number of times, turning and moving evenly."""
+    return se3.make(se3.exp_so3(steps * se3.log_so3(step[:3, :3])), steps * step[:3, 3])

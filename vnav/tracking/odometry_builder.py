@@ -1,0 +1,20 @@
+"""What the odometry stage asks of whatever gives frames their poses."""
+
+from typing import Protocol
+
+from vnav.core.camera import Intrinsics
+from vnav.core.frame import Frame
+from vnav.core.mapping import FrameFeatures, FrameTable, Odometry
+
+
+class OdometryBuilder(Protocol):
+    """Takes a capture's frames in order, and makes the odometry of them."""
+
+    def add(self, current: FrameFeatures, frame: Frame, camera: Intrinsics) -> bool:
+        """Take the next frame, as ``camera`` saw it; True where it becomes a keyframe."""
+
+    def skip(self, row: int, reason: str) -> None:
+        """Leave the next frame out, and say why."""
+
+    def result(self, frames: FrameTable) -> Odometry:
+        """The odometry of all frames; CaptureError where not one became a keyframe."""
