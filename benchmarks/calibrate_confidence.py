@@ -26,7 +26,7 @@ from vnav.config import Config
 from vnav.core import se3
 from vnav.core.trajectory import Trajectory
 from vnav.io.formats.trajectories import read_tum
-from vnav.io.sources.capture import open_capture
+from vnav.io.sources.open_capture import open_capture
 from vnav.io.store.map_folder import MapFolder
 from vnav.localisation.database import LandmarkDatabase
 from vnav.localisation.evidence import (

@@ -24,7 +24,7 @@ from vnav.core.frame import Edge
 from vnav.core.mapping import LoopVerdict
 from vnav.evaluation.score import score
 from vnav.io.formats.trajectories import read_tum
-from vnav.io.sources.capture import read_truth
+from vnav.io.sources.open_capture import read_truth
 from vnav.io.store.artifacts import load_loop_edges, load_loops, load_odometry, save_loops
 from vnav.io.store.map_folder import MapFolder
 from vnav.stages import optimise

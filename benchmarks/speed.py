@@ -31,7 +31,8 @@ from recording import Measurement, add_record_option, missed, record, table
 
 from vnav.config import CaptureConfig, FeaturesConfig
 from vnav.features import front_end
-from vnav.io.sources.capture import Capture, open_capture
+from vnav.io.sources.capture import Capture
+from vnav.io.sources.open_capture import open_capture
 from vnav.io.store.map_folder import STAGES
 from vnav.synthetic import DEMO, cached_capture
 
@@ -128,7 +129,7 @@ def build(capture: Path, folder: Path) -> Reports:
 
 def first_half(capture: Path, folder: Path) -> Path:
     """The capture's first half as a TUM capture; its images stay where they are."""
-    pairs = open_capture(capture, CaptureConfig()).frames.pairs
+    pairs = open_capture(capture, CaptureConfig()).files.pairs
     folder.mkdir()
     for name in ("color", "depth"):
         images = [getattr(pair, name) for pair in pairs[: len(pairs) // 2]]

@@ -27,7 +27,7 @@ def check(
     """
     from vnav import config
     from vnav.checking import capture_report as stage
-    from vnav.io.sources.capture import open_capture
+    from vnav.io.sources.open_capture import open_capture
 
     resolved = config.load(config_source, settings)
     capture = open_capture(capture_dir, resolved.capture, camera_file)

@@ -38,7 +38,7 @@ def extend(
     vnav extend house bedroom --camera phone.toml
     """
     from vnav import api, config
-    from vnav.io.sources.capture import open_capture
+    from vnav.io.sources.open_capture import open_capture
     from vnav.io.store.map_folder import MapFolder
     from vnav.pipeline.extend import made_with
 

@@ -46,7 +46,7 @@ def score(
     from vnav.config import CaptureConfig
     from vnav.evaluation import score as stage
     from vnav.io.formats.trajectories import read_tum
-    from vnav.io.sources.capture import read_truth
+    from vnav.io.sources.open_capture import read_truth
 
     estimate = read_tum(trajectory)
     true = read_truth(truth, CaptureConfig(), camera_file)

@@ -27,7 +27,7 @@ def odometry(
     """Track every frame of a capture, or take given poses, and choose keyframes."""
     from vnav import config
     from vnav.io.formats.trajectories import read_tum
-    from vnav.io.sources.capture import open_capture
+    from vnav.io.sources.open_capture import open_capture
     from vnav.io.store.map_folder import MapFolder
     from vnav.pipeline.build import expect_capture
     from vnav.stages import odometry as stage

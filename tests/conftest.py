@@ -28,7 +28,7 @@ def tiny_capture(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def tiny_map(tmp_path_factory: pytest.TempPathFactory, tiny_capture: Path) -> Path:
     """A map of that room by the stages themselves, up to optimise, from half the usual features."""
     from vnav.config import CaptureConfig, Config, FeaturesConfig
-    from vnav.io.sources.capture import open_capture
+    from vnav.io.sources.open_capture import open_capture
     from vnav.io.store.map_folder import MapFolder
     from vnav.stages import loops, odometry, optimise, vocabulary
 
@@ -68,7 +68,7 @@ def camera(folder: "MapFolder") -> "Intrinsics":
 def frames(tiny_capture: Path) -> "list[Frame]":
     """The first six frames of the tiny capture."""
     from vnav.config import CaptureConfig
-    from vnav.io.sources.capture import open_capture
+    from vnav.io.sources.open_capture import open_capture
 
     capture = open_capture(tiny_capture, CaptureConfig())
     return [capture.read(k) for k in range(6)]
@@ -95,7 +95,7 @@ def posed_map(tmp_path_factory: pytest.TempPathFactory, tiny_capture: Path) -> P
         World,
     )
     from vnav.io.formats.trajectories import read_tum, write_tum
-    from vnav.io.sources.capture import open_capture
+    from vnav.io.sources.open_capture import open_capture
     from vnav.io.store import artifacts
     from vnav.io.store.map_folder import MapFolder
 
@@ -156,7 +156,7 @@ def whole_map(tmp_path_factory: pytest.TempPathFactory, tiny_capture: Path, tiny
     import shutil
 
     from vnav.config import CaptureConfig, Config, FeaturesConfig
-    from vnav.io.sources.capture import open_capture
+    from vnav.io.sources.open_capture import open_capture
     from vnav.io.store.map_folder import MapFolder
     from vnav.pipeline.build import build_map
 
@@ -209,7 +209,7 @@ def extended_map(
     import shutil
 
     from vnav.config import FuseConfig
-    from vnav.io.sources.capture import open_capture
+    from vnav.io.sources.open_capture import open_capture
     from vnav.io.store.map_folder import MapFolder
     from vnav.pipeline.extend import extend, made_with
 

@@ -12,7 +12,7 @@ from vnav.config import CaptureConfig
 from vnav.core import se3
 from vnav.core.camera import Camera, Intrinsics
 from vnav.io.formats.trajectories import read_tum
-from vnav.io.sources.capture import open_capture
+from vnav.io.sources.open_capture import open_capture
 
 
 @pytest.fixture(scope="module")
@@ -49,32 +49,30 @@ def changed(original, version) -> list[int]:
 def test_the_clean_version_is_the_original_and_takes_no_room(original, version) -> None:
     clean = version("clean")
     assert changed(original, clean) == []
-    assert clean.frames.pairs[5].color.path.samefile(original.frames.pairs[5].color.path)
+    assert clean.files.pairs[5].color.path.samefile(original.files.pairs[5].color.path)
     assert not [p for p in clean.root.rglob("*.png") if not p.is_symlink()]
 
 
 def test_every_third_frame_is_there(original, version) -> None:
-    np.testing.assert_array_equal(
-        version("every_third").frames.stamps_s, original.frames.stamps_s[::3]
-    )
+    np.testing.assert_array_equal(version("every_third").stamps_s, original.stamps_s[::3])
 
 
 @pytest.mark.parametrize(("name", "left"), [("dropped_20", 48), ("dropped_2_seed_3", 59)])
 def test_a_share_of_the_frames_is_dropped(original, version, name: str, left: int) -> None:
-    stamps = version(name).frames.stamps_s
+    stamps = version(name).stamps_s
     assert len(stamps) == left
-    assert set(stamps) < set(original.frames.stamps_s)
+    assert set(stamps) < set(original.stamps_s)
 
 
 def test_other_seeds_drop_other_frames(version) -> None:
-    left = {tuple(version(f"dropped_2_seed_{seed}").frames.stamps_s) for seed in range(5)}
+    left = {tuple(version(f"dropped_2_seed_{seed}").stamps_s) for seed in range(5)}
     assert len(left) > 1
 
 
 def test_three_seconds_are_cut_out_of_the_middle(original, version) -> None:
-    stamps = version("cut").frames.stamps_s
+    stamps = version("cut").stamps_s
     gap = int(np.argmax(np.diff(stamps)))
-    middle = (original.frames.stamps_s[0] + original.frames.stamps_s[-1]) / 2
+    middle = (original.stamps_s[0] + original.stamps_s[-1]) / 2
     assert stamps[gap] == pytest.approx(middle - 1.5, abs=0.21)  # frames are 0.2 s apart
     assert stamps[gap + 1] == pytest.approx(middle + 1.5, abs=0.21)
     assert np.delete(np.diff(stamps), gap).max() == pytest.approx(0.2)
@@ -84,7 +82,7 @@ def test_only_the_first_frame_is_black(original, version) -> None:
     black = version("black_first")
     assert changed(original, black) == [0]
     assert not black.read(0).color.any()
-    assert (black.root / "unusable.txt").read_text() == f"{black.stamp_s(0):.6f}\n"
+    assert (black.root / "unusable.txt").read_text() == f"{black.stamps_s[0]:.6f}\n"
 
 
 def test_every_tenth_frame_is_blurred(original, version) -> None:

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from vnav.config import CaptureConfig
-from vnav.io.sources.capture import open_capture
+from vnav.io.sources.open_capture import open_capture
 
 
 @pytest.fixture(scope="module")

@@ -12,7 +12,8 @@ from vnav.checking.quality import BLURRED, blur
 from vnav.cli import main as entry
 from vnav.config import CaptureConfig
 from vnav.errors import CaptureError
-from vnav.io.sources.capture import Capture, open_capture
+from vnav.io.sources.capture import Capture
+from vnav.io.sources.open_capture import open_capture
 
 FRAMES, WIDTH, HEIGHT = 6, 160, 120
 CAMERA = f"""
@@ -87,12 +88,15 @@ def folder(tmp_path: Path) -> Folder:
 
 def test_a_good_capture_is_usable_and_measured(folder: Folder) -> None:
     report = require_usable(folder.capture())
-    assert (report.name, report.frames, report.truth) == ("room", FRAMES, None)
+    assert (report.name, report.frames) == ("room", FRAMES)
+    assert report.files is not None
+    assert report.files.truth is None
     assert report.files.color_sizes == {(WIDTH, HEIGHT): FRAMES} == report.files.depth_sizes
     assert (report.warnings, problems(report), report.fitting_units) == ((), (), 5000)
     assert report.timing.duration_s == pytest.approx(0.5)
     assert report.timing.median_step_s == pytest.approx(0.1)
-    assert report.timing.median_offset_s == pytest.approx(0.004)
+    assert report.timing.largest_gap_s == pytest.approx(0.1)
+    assert report.files.median_offset_s == pytest.approx(0.004)
     assert report.look is not None
     assert report.look.sampled == FRAMES
     assert report.look.valid_depth_share == pytest.approx(0.9)
@@ -185,7 +189,8 @@ def test_a_long_gap_and_many_dropped_images_are_warned_of(folder: Folder) -> Non
     assert inspect(folder.capture()).warnings == ("no frames for 2.7 s after frame 2 (0.200 s)",)
     (folder.root / "depth.txt").write_text("0.0 depth/0.png\n0.1 depth/1.png\n")
     report = inspect(folder.capture())
-    assert (report.frames, report.dropped_color) == (2, 4)
+    assert report.files is not None
+    assert (report.frames, report.files.dropped_color) == (2, 4)
     assert "4 images have no partner in time" in report.warnings[0]
 
 

@@ -1,9 +1,12 @@
-"""What every capture reader must hold, whatever the format; a new one adds a row to WRITERS."""
+"""What every source of frames must hold: a new one adds a line to SOURCES, a new format of image
+files a line to WRITERS."""
 
 import os
 import shutil
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 
 import cv2
@@ -11,8 +14,16 @@ import numpy as np
 import pytest
 
 from vnav.config import CaptureConfig
+from vnav.core import se3
+from vnav.core.frame import Frame
 from vnav.errors import CaptureError
-from vnav.io.sources.capture import FORMATS, Capture, open_capture
+from vnav.io.formats.camera_file import read_camera
+from vnav.io.sources.capture import Capture, FileBacked
+from vnav.io.sources.folder_capture import FolderCapture
+from vnav.io.sources.memory import frames
+from vnav.io.sources.open_capture import FORMATS, open_capture
+from vnav.io.sources.rectify import rectified
+from vnav.io.sources.subset import Subset
 
 FRAMES = 5
 WIDTH, HEIGHT = 32, 24
@@ -35,65 +46,101 @@ T_color_depth = [[1, 0, 0, -0.02], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]
 """
 
 
-def images(k: int) -> tuple[np.ndarray, np.ndarray]:
-    rng = np.random.default_rng(k)
-    color = rng.integers(0, 256, (HEIGHT, WIDTH, 3), np.uint8)
-    depth = np.full((HEIGHT, WIDTH), 2000 + 10 * k, np.uint16) + rng.integers(0, 9, dtype=np.uint16)
-    depth[:4, :4] = 0
-    return color, depth
+@dataclass(frozen=True)
+class Recording:
+    """What every source in this suite delivers, each in its own way."""
+
+    color: np.ndarray  # (N, H, W, 3) uint8, RGB
+    depth: np.ndarray  # (N, H, W) uint16
+    camera: str = CAMERA
 
 
-def write(root: Path, k: int, color_name: str, depth_name: str) -> None:
-    for name, image in zip((color_name, depth_name), images(k), strict=True):
+def recorded() -> Recording:
+    rng = np.random.default_rng(0)
+    color = rng.integers(0, 256, (FRAMES, HEIGHT, WIDTH, 3), np.uint8)
+    depth = rng.integers(2000, 2009, (FRAMES, HEIGHT, WIDTH), np.uint16)
+    depth += 10 * np.arange(FRAMES, dtype=np.uint16)[:, None, None]
+    depth[:, :4, :4] = 0
+    return Recording(color, depth)
+
+
+def write(root: Path, recording: Recording, k: int, color_name: str, depth_name: str) -> None:
+    images = recording.color[k, ..., ::-1], recording.depth[k]
+    for name, image in zip((color_name, depth_name), images, strict=True):
         (root / name).parent.mkdir(exist_ok=True)
         cv2.imwrite(str(root / name), image)
 
 
-def write_tum(root: Path) -> None:
+def write_tum(root: Path, recording: Recording) -> None:
     for k in range(FRAMES):
-        write(root, k, f"rgb/{1 + k / 10:.6f}.png", f"depth/{1.004 + k / 10:.6f}.png")
+        write(root, recording, k, f"rgb/{1 + k / 10:.6f}.png", f"depth/{1.004 + k / 10:.6f}.png")
     for kind, first in (("rgb", 1.0), ("depth", 1.004)):
         stamps = [f"{first + k / 10:.6f}" for k in range(FRAMES)]
         (root / f"{kind}.txt").write_text("".join(f"{s} {kind}/{s}.png\n" for s in stamps))
 
 
-def write_seven_scenes(root: Path) -> None:
+def write_seven_scenes(root: Path, recording: Recording) -> None:
     for k in range(FRAMES):
-        write(root, k, f"frame-{k:06d}.color.png", f"frame-{k:06d}.depth.png")
+        write(root, recording, k, f"frame-{k:06d}.color.png", f"frame-{k:06d}.depth.png")
 
 
-def write_color_depth(root: Path) -> None:
+def write_color_depth(root: Path, recording: Recording) -> None:
     for k in range(FRAMES):
-        write(root, k, f"color/{k:05d}.png", f"depth/{k:05d}.png")
+        write(root, recording, k, f"color/{k:05d}.png", f"depth/{k:05d}.png")
 
 
-WRITERS: dict[str, Callable[[Path], None]] = {
+WRITERS: dict[str, Callable[[Path, Recording], None]] = {
     "TUM RGB-D": write_tum,
     "7-Scenes": write_seven_scenes,
     "colour and depth folders": write_color_depth,
 }
 
 
-@pytest.fixture(params=WRITERS)
-def root(request: pytest.FixtureRequest, tmp_path: Path) -> Path:
-    folder = tmp_path / "capture"
-    folder.mkdir()
-    WRITERS[request.param](folder)
-    (folder / "camera.toml").write_text(CAMERA)
-    return folder
-
-
-@pytest.fixture
-def capture(root: Path) -> Capture:
-    return opened(root)
-
-
-def opened(root: Path) -> Capture:
+def written(name: str, root: Path, recording: Recording) -> FolderCapture:
+    """The recording as a folder of a format."""
+    root.mkdir(parents=True, exist_ok=True)
+    WRITERS[name](root, recording)
+    (root / "camera.toml").write_text(recording.camera)
     return open_capture(root, CaptureConfig())
 
 
-def depth_file(capture: Capture, index: int) -> Path:
-    return capture.frames.pairs[index].depth.path
+def in_memory(root: Path, recording: Recording) -> Capture:
+    """The recording as arrays."""
+    root.mkdir(parents=True, exist_ok=True)
+    (root / "camera.toml").write_text(recording.camera)
+    camera = read_camera(root / "camera.toml")
+    poses = se3.exp(np.arange(len(recording.color))[:, None] * np.full(6, 0.01))
+    return frames(recording.color, recording.depth, camera, name="capture", poses=poses)
+
+
+def chosen(root: Path, recording: Recording) -> Capture:
+    """The recording as every second frame of a longer one."""
+    twice = (images.repeat(2, 0) for images in (recording.color, recording.depth))
+    whole = in_memory(root, Recording(*twice, recording.camera))
+    return Subset(whole, range(1, 2 * FRAMES, 2))
+
+
+Source = Callable[[Path, Recording], Capture]
+SOURCES: dict[str, Source] = {
+    **{name: partial(written, name) for name in WRITERS},
+    "arrays": in_memory,
+    "subset": chosen,
+}
+
+
+@pytest.fixture(params=SOURCES)
+def source(request: pytest.FixtureRequest) -> Source:
+    return SOURCES[request.param]
+
+
+@pytest.fixture
+def capture(source: Source, tmp_path: Path) -> Capture:
+    return source(tmp_path / "capture", recorded())
+
+
+@pytest.fixture(params=WRITERS)
+def folder(request: pytest.FixtureRequest, tmp_path: Path) -> FolderCapture:
+    return written(request.param, tmp_path / "capture", recorded())
 
 
 def test_every_format_is_held_to_this() -> None:
@@ -103,79 +150,134 @@ def test_every_format_is_held_to_this() -> None:
 def test_frames_are_counted_named_and_in_order_of_time(capture: Capture) -> None:
     assert capture.name == "capture"
     assert len(capture) == FRAMES
-    stamps = [capture.stamp_s(k) for k in range(FRAMES)]
-    assert stamps == sorted(set(stamps))
+    assert capture.stamps_s.shape == (FRAMES,)
+    assert capture.stamps_s.dtype == np.float64
+    assert (np.diff(capture.stamps_s) > 0).all()
 
 
 def test_a_frame_is_colour_in_bytes_and_depth_in_metres_that_cannot_be_changed(
     capture: Capture,
 ) -> None:
     frame = capture.read(3)
-    assert (frame.index, frame.stamp_s) == (3, capture.stamp_s(3))
+    assert (frame.capture, frame.index, frame.stamp_s) == (0, 3, capture.stamps_s[3])
     assert frame.color.shape == (HEIGHT, WIDTH, 3)
     assert frame.color.dtype == np.uint8
     assert frame.depth_m.shape == (HEIGHT, WIDTH)
     assert frame.depth_m.dtype == np.float32
+    assert capture.has_depth
     assert np.median(frame.depth_m[frame.depth_m > 0]) == pytest.approx(2.034, abs=0.005)
     assert not frame.color.flags.writeable
     assert not frame.depth_m.flags.writeable
 
 
+def test_a_frame_has_the_pinhole_camera_of_its_images(capture: Capture) -> None:
+    assert capture.read(2).intrinsics == rectified(capture.camera)
+
+
 def test_colour_is_undistorted_and_depth_registered(capture: Capture) -> None:
-    color, depth = images(0)
-    frame = capture.read(0)
-    assert (frame.color != color[..., ::-1]).mean() > 0.5
+    frame, recording = capture.read(0), recorded()
+    assert (frame.color != recording.color[0]).mean() > 0.5
     # Where colour sees beyond the depth camera's narrower view there is nothing.
     assert not frame.depth_m[:, -1].any()
-    assert (frame.depth_m > 0).mean() < (depth > 0).mean()
+    assert (frame.depth_m > 0).mean() < (recording.depth[0] > 0).mean()
 
 
-def test_threads_read_the_same_frames(root: Path, capture: Capture) -> None:
+def test_the_same_recording_is_the_same_frames_from_every_source(
+    source: Source, tmp_path: Path
+) -> None:
+    expected = in_memory(tmp_path / "expected", recorded())
+    capture = source(tmp_path / "capture", recorded())
+    for k in range(FRAMES):
+        assert_same_images(capture.read(k), expected.read(k))
+
+
+def test_threads_read_the_same_frames(source: Source, tmp_path: Path, capture: Capture) -> None:
     alone = [capture.read(k) for k in range(FRAMES)]
+    again = source(tmp_path / "capture", recorded())
     with ThreadPoolExecutor(8) as pool:
-        together = list(pool.map(opened(root).read, [k % FRAMES for k in range(4 * FRAMES)]))
+        together = list(pool.map(again.read, [k % FRAMES for k in range(4 * FRAMES)]))
     for k, frame in enumerate(together):
-        np.testing.assert_array_equal(frame.color, alone[k % FRAMES].color)
-        np.testing.assert_array_equal(frame.depth_m, alone[k % FRAMES].depth_m)
+        assert_same_images(frame, alone[k % FRAMES])
 
 
-def test_a_damaged_file_is_named_and_the_other_frames_are_read(capture: Capture) -> None:
-    for damaged in (capture.frames.pairs[1].color.path, depth_file(capture, 2)):
-        damaged.write_bytes(damaged.read_bytes()[:-30])
-    depth_file(capture, 3).unlink()
-    for index, kind in ((1, "color"), (2, "depth"), (3, "depth")):
-        with pytest.raises(CaptureError) as error:
-            capture.read(index)
-        assert str(getattr(capture.frames.pairs[index], kind).path) in str(error.value)
-    assert capture.read(4).depth_m.any()
+def assert_same_images(frame: Frame, expected: Frame) -> None:
+    np.testing.assert_array_equal(frame.color, expected.color)
+    np.testing.assert_array_equal(frame.depth_m, expected.depth_m)
 
 
-def test_an_image_of_another_size_is_named(capture: Capture) -> None:
-    path = depth_file(capture, 1)
-    cv2.imwrite(str(path), np.ones((8, 8), np.uint16))
-    with pytest.raises(CaptureError, match=f"expected 32 x 24 pixels in {path}.*found 8 x 8"):
-        capture.read(1)
+def test_poses_where_the_source_knows_some_are_rigid_and_have_the_frames_times(
+    capture: Capture,
+) -> None:
+    if capture.poses is not None:
+        assert se3.is_rigid(capture.poses.T_world_camera)
+        assert np.isin(capture.stamps_s, capture.poses.stamps_s).all()
 
 
 def test_the_fingerprint_is_that_of_the_content_wherever_it_lies(
-    root: Path, capture: Capture
+    source: Source, tmp_path: Path, capture: Capture
 ) -> None:
-    copy = root.parent / "elsewhere"
-    shutil.copytree(root, copy)
+    assert source(tmp_path / "elsewhere", recorded()).fingerprint() == capture.fingerprint()
+
+
+def changed_color() -> Recording:
+    color = recorded().color
+    color[2, 5, 5] ^= 1
+    return replace(recorded(), color=color)
+
+
+def changed_depth() -> Recording:
+    depth = recorded().depth
+    depth[4, 9, 9] += 1
+    return replace(recorded(), depth=depth)
+
+
+def changed_camera() -> Recording:
+    return replace(recorded(), camera=CAMERA.replace("cx = 15.5", "cx = 15.6"))
+
+
+@pytest.mark.parametrize("changed", [changed_color, changed_depth, changed_camera])
+def test_the_fingerprint_changes_with_an_image_and_with_the_camera(
+    source: Source, tmp_path: Path, capture: Capture, changed: Callable[[], Recording]
+) -> None:
+    assert source(tmp_path / "changed", changed()).fingerprint() != capture.fingerprint()
+
+
+def test_image_files_can_be_checked_where_there_are_some(folder: FolderCapture) -> None:
+    assert isinstance(folder, FileBacked)
+    assert not isinstance(in_memory(folder.root, recorded()), FileBacked)
+
+
+def test_a_damaged_file_is_named_and_the_other_frames_are_read(folder: FolderCapture) -> None:
+    pairs = folder.files.pairs
+    for damaged in (pairs[1].color.path, pairs[2].depth.path):
+        damaged.write_bytes(damaged.read_bytes()[:-30])
+    pairs[3].depth.path.unlink()
+    for index, kind in ((1, "color"), (2, "depth"), (3, "depth")):
+        with pytest.raises(CaptureError) as error:
+            folder.read(index)
+        assert str(getattr(pairs[index], kind).path) in str(error.value)
+    assert folder.read(4).depth_m.any()
+
+
+def test_an_image_of_another_size_is_named(folder: FolderCapture) -> None:
+    path = folder.files.pairs[1].depth.path
+    cv2.imwrite(str(path), np.ones((8, 8), np.uint16))
+    with pytest.raises(CaptureError, match=f"expected 32 x 24 pixels in {path}.*found 8 x 8"):
+        folder.read(1)
+
+
+def test_files_beside_the_frames_and_their_dates_are_no_part_of_the_fingerprint(
+    folder: FolderCapture,
+) -> None:
+    copy = folder.root.parent / "elsewhere"
+    shutil.copytree(folder.root, copy)
     os.utime(copy / "camera.toml", (0, 0))
     (copy / "notes.txt").write_text("not part of the frames")
-    assert opened(copy).fingerprint() == capture.fingerprint()
+    assert open_capture(copy, CaptureConfig()).fingerprint() == folder.fingerprint()
 
 
-def test_the_fingerprint_changes_with_an_image_and_with_the_camera(
-    root: Path, capture: Capture
-) -> None:
-    before = capture.fingerprint()
-    write_camera = (root / "camera.toml").write_text
-    write_camera(CAMERA.replace("cx = 15.5", "cx = 15.6"))
-    assert opened(root).fingerprint() != before
-    write_camera(CAMERA)
-    assert opened(root).fingerprint() == before
-    path = depth_file(capture, 2)
+def test_a_byte_after_an_image_changes_the_fingerprint(folder: FolderCapture) -> None:
+    before = folder.fingerprint()
+    path = folder.files.pairs[2].depth.path
     path.write_bytes(path.read_bytes() + b"\0")
-    assert opened(root).fingerprint() != before
+    assert folder.fingerprint() != before

@@ -1,7 +1,12 @@
+import dataclasses
+
 import numpy as np
 import pytest
 
-from vnav.core.frame import Edge, Features, Frame
+from vnav.core.camera import Intrinsics
+from vnav.core.frame import Edge, Features, Frame, no_depth
+
+CAMERA = Intrinsics(6, 4, 5.0, 5.0, 2.5, 1.5)
 
 
 def features(count: int) -> Features:
@@ -16,7 +21,7 @@ def features(count: int) -> Features:
 
 
 def test_a_frame_cannot_be_written_into() -> None:
-    frame = Frame(0, 0, 0.0, np.zeros((4, 6, 3), np.uint8), np.zeros((4, 6), np.float32))
+    frame = Frame(0, 0, 0.0, np.zeros((4, 6, 3), np.uint8), np.zeros((4, 6), np.float32), CAMERA)
     for array in (frame.color, frame.depth_m):
         with pytest.raises(ValueError, match="read-only"):
             array[0] = 1
@@ -24,7 +29,20 @@ def test_a_frame_cannot_be_written_into() -> None:
 
 def test_depth_of_another_size_than_colour_is_refused() -> None:
     with pytest.raises(ValueError, match=r"shape \(4, 6\), found \(3, 6\)"):
-        Frame(0, 0, 0.0, np.zeros((4, 6, 3), np.uint8), np.zeros((3, 6), np.float32))
+        Frame(0, 0, 0.0, np.zeros((4, 6, 3), np.uint8), np.zeros((3, 6), np.float32), CAMERA)
+
+
+def test_a_camera_of_another_size_or_with_distortion_is_refused() -> None:
+    images = np.zeros((4, 6, 3), np.uint8), no_depth(4, 6)
+    for wrong in (CAMERA.scaled(8, 4), dataclasses.replace(CAMERA, distortion=(0.1, 0.0))):
+        with pytest.raises(ValueError, match=r"expected a pinhole camera of \(6, 4\) pixels"):
+            Frame(0, 0, 0.0, *images, wrong)
+
+
+def test_a_frame_without_depth_has_zeros_of_its_size() -> None:
+    frame = Frame(0, 0, 0.0, np.zeros((4, 6, 3), np.uint8), no_depth(4, 6), CAMERA)
+    assert frame.depth_m.shape == (4, 6)
+    assert not frame.depth_m.any()
 
 
 def test_no_features_are_legal() -> None:

@@ -6,7 +6,8 @@ import pytest
 
 from vnav.config import CaptureConfig, Config, FeaturesConfig
 from vnav.errors import MapError
-from vnav.io.sources.capture import Capture, open_capture
+from vnav.io.sources.capture import Capture
+from vnav.io.sources.open_capture import open_capture
 from vnav.io.store.map_folder import STAGES, MapFolder
 from vnav.pipeline.build import build_map, expect_capture
 

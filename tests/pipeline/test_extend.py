@@ -12,7 +12,8 @@ from vnav.config import CaptureConfig, Config, FeaturesConfig, SiftConfig
 from vnav.core import se3
 from vnav.errors import CaptureError, ConfigError, MapError, StaleArtifact
 from vnav.io.formats.trajectories import read_photo_poses, read_tum
-from vnav.io.sources.capture import Capture, open_capture
+from vnav.io.sources.capture import Capture
+from vnav.io.sources.open_capture import open_capture
 from vnav.io.store.artifacts import load_odometry, load_optimised, save_odometry
 from vnav.io.store.map_folder import STAGES, MapFolder, to_json
 from vnav.pipeline import extend

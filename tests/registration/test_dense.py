@@ -41,7 +41,8 @@ def seen(
         inverse = inverse + CONFIG.depth_sigma_per_m2 * rng.standard_normal(len(px))
         grey = grey + 2 * rng.standard_normal(len(px))
     color = np.repeat(grey.clip(0, 255).astype(np.uint8)[:, None], 3, 1).reshape(240, 320, 3)
-    return Frame(0, 0, 0.0, color, (1 / inverse).reshape(240, 320).astype(np.float32))
+    depth_m = (1 / inverse).reshape(240, 320).astype(np.float32)
+    return Frame(0, 0, 0.0, color, depth_m, CAMERA)
 
 
 def aligned(

@@ -16,11 +16,16 @@ from vnav.core.graph import chain
 from vnav.core.mapping import LOST, Odometry
 from vnav.errors import CaptureError
 from vnav.io.formats.trajectories import read_tum
-from vnav.io.sources.capture import Capture, open_capture
-from vnav.io.sources.frame_list import FrameList
+from vnav.io.sources.capture import Capture
+from vnav.io.sources.memory import ArrayCapture, frames
+from vnav.io.sources.open_capture import open_capture
+from vnav.io.sources.rectify import resampled
+from vnav.io.sources.subset import Subset
 from vnav.io.store.artifacts import load_keyframe, load_odometry, map_camera
 from vnav.io.store.map_folder import MapFolder
 from vnav.stages import odometry
+from vnav.synthetic import MINIATURE, SCENES
+from vnav.synthetic.sensor import measured_color, measured_depth
 
 CONFIG = Config(features=FeaturesConfig(max_features=700))  # half: quick
 DRIFT = 0.03  # rad, m: of a few frames. Over all 60 the edges' noise adds up to 6 mm at the worst.
@@ -29,7 +34,7 @@ DRIFT = 0.03  # rad, m: of a few frames. Over all 60 the edges' noise adds up to
 class Cut:
     """Some frames of a capture, in the order given; one black, one covered, or one damaged."""
 
-    truth = None
+    name, has_depth, poses = "cut", True, None
 
     def __init__(
         self,
@@ -42,21 +47,16 @@ class Cut:
         self._whole, self._indices = whole, list(indices)
         self._black, self._covered, self._damaged = black, covered, damaged
 
-    name = "cut"
-
     @property
     def camera(self) -> Camera:
         return self._whole.camera
 
     @property
-    def frames(self) -> FrameList:
-        return self._whole.frames
+    def stamps_s(self) -> np.ndarray:
+        return np.arange(len(self)) / 5
 
     def __len__(self) -> int:
         return len(self._indices)
-
-    def stamp_s(self, index: int) -> float:
-        return index / 5
 
     def read(self, index: int) -> Frame:
         if index == self._damaged:
@@ -67,7 +67,7 @@ class Cut:
             color = np.zeros_like(color)
         if index == self._covered:
             depth_m = np.zeros_like(depth_m)
-        return Frame(0, index, self.stamp_s(index), color, depth_m)
+        return Frame(0, index, self.stamps_s[index], color, depth_m, frame.intrinsics)
 
     def fingerprint(self) -> str:
         return f"{self._indices} {self._black} {self._covered} {self._damaged}"
@@ -125,9 +125,8 @@ def test_edges_are_as_good_as_they_say(tiny: Odometry, truth: np.ndarray) -> Non
     assert max(errors) < 4  # chi-squared of 6 beyond 24: once in 2000
 
 
-def test_drift_is_no_more_than_the_noise_of_the_edges_adds_up_to(
-    tiny: Odometry, truth: np.ndarray
-) -> None:
+def drift_of_noise_m(odometry: Odometry, truth: np.ndarray) -> float:
+    """The greatest absolute error of 20 trajectories with the noise that the edges say."""
     rng = np.random.default_rng(0)
 
     def drawn(edge: Edge) -> Edge:
@@ -136,8 +135,14 @@ def test_drift_is_no_more_than_the_noise_of_the_edges_adds_up_to(
         T_i_j = true_motion(truth, edge.i, edge.j) @ se3.exp(scatter @ rng.standard_normal(6))
         return dataclasses.replace(edge, T_i_j=T_i_j)
 
-    walks = [chain(60, [drawn(e) for e in tiny.edges], [0])[0] for _ in range(20)]
-    assert ate_m(tiny.T_segment_camera, truth) < max(ate_m(walk, truth) for walk in walks)
+    walks = [chain(len(truth), [drawn(e) for e in odometry.edges], [0])[0] for _ in range(20)]
+    return max(ate_m(walk, truth) for walk in walks)
+
+
+def test_drift_is_no_more_than_the_noise_of_the_edges_adds_up_to(
+    tiny: Odometry, truth: np.ndarray
+) -> None:
+    assert ate_m(tiny.T_segment_camera, truth) < drift_of_noise_m(tiny, truth)
 
 
 def test_keyframes_are_fewer_than_frames_and_never_far_apart(
@@ -317,3 +322,75 @@ def test_progress_ends_at_the_last_frame(capture: Capture, tmp_path: Path) -> No
     odometry.track(Cut(capture, range(2)), CONFIG, tmp_path, progress)
     assert seen[-1] == ("odometry", 2, 2)
     assert [done for _, done, _ in seen] == sorted(done for _, done, _ in seen)
+
+
+def zooming(truth: np.ndarray, count: int) -> ArrayCapture:
+    """The first frames of the tiny capture, by a lens whose focal length changes by 10 %."""
+    scene, spec = SCENES[MINIATURE.scene](MINIATURE.seed), MINIATURE
+    seen, cameras = [], []
+    for k in range(count):
+        rng, factor = np.random.default_rng([1, k]), (1.0, 1.1, 1.0, 0.9)[k % 4]
+        fx, fy = factor * spec.camera.fx, factor * spec.camera.fy
+        intrinsics = dataclasses.replace(spec.camera, fx=fx, fy=fy)
+        color, depth_m = scene.render(intrinsics, truth[k])
+        color = measured_color(color, np.ones(3), spec.sensor, rng)
+        seen.append((color, measured_depth(depth_m, intrinsics, spec.sensor, rng)))
+        cameras.append(Camera(intrinsics, 1.0))
+    color, depth = zip(*seen, strict=True)
+    return frames(color, depth, cameras, np.arange(count) / spec.rate_hz)
+
+
+def test_a_focal_length_that_changes_from_frame_to_frame_makes_no_drift(
+    tiny: Odometry, truth: np.ndarray, tmp_path: Path
+) -> None:
+    capture = zooming(truth, 20)
+    result = tracked(capture, tmp_path)
+    assert not result.segment.any()
+    # No more than noise adds up to where the focal length stays; ignored, it would be 4 cm.
+    constant = dataclasses.replace(tiny, edges=tuple(e for e in tiny.edges if e.j < 20))
+    assert ate_m(result.T_segment_camera, truth[:20]) < drift_of_noise_m(constant, truth[:20])
+    errors = [normalised(true_motion(truth, e.i, e.j), e) for e in result.edges]
+    assert np.mean(errors) < 1
+
+
+def test_keyframes_of_any_focal_length_are_kept_as_the_captures_camera_sees_them(
+    truth: np.ndarray, tmp_path: Path
+) -> None:
+    whole = zooming(truth, 4)
+    zoomed = Subset(whole, [3])
+    folder = MapFolder.create(tmp_path / "map")
+    odometry.run(folder, zoomed, CONFIG)
+    kept = load_keyframe(folder, 0, load_odometry(folder).frames)
+    assert map_camera(folder) == kept.intrinsics == whole.camera.color
+    expected = resampled(zoomed.read(0), kept.intrinsics).depth_m
+    np.testing.assert_allclose(kept.depth_m, expected, atol=1.01e-4)
+
+
+def test_a_capture_without_depth_is_refused_before_it_is_read(
+    truth: np.ndarray, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    camera = Camera(MINIATURE.camera, 1.0)
+    color_only = frames(np.zeros((2, 240, 320, 3), np.uint8), None, camera, name="video")
+    monkeypatch.setattr(ArrayCapture, "read", None)
+    monkeypatch.setattr(ArrayCapture, "fingerprint", None)
+    folder = MapFolder.create(tmp_path / "map")
+    with pytest.raises(CaptureError, match="expected frames with depth, found video with colour"):
+        odometry.run(folder, color_only, CONFIG)
+    assert not (folder.root / "odometry").exists()
+
+
+def test_arrays_make_the_same_odometry_as_the_folder_they_were_read_from(
+    capture: Capture, tmp_path: Path
+) -> None:
+    read = [capture.read(k) for k in range(6)]
+    images = [f.color for f in read], [f.depth_m for f in read]
+    arrays = frames(*images, capture.camera, capture.stamps_s[:6])
+    folders = {"files": Subset(capture, range(6)), "arrays": arrays}
+    for name, source in folders.items():
+        odometry.run(MapFolder.create(tmp_path / name), source, CONFIG)
+    made = sorted(path for path in (tmp_path / "files/odometry").rglob("*") if path.is_file())
+    compared = [path for path in made if path.name != "stage.json"]  # which has the fingerprint
+    assert {path.name for path in compared} >= {"frames.npz", "edges.npz", "000000.jpg"}
+    for path in compared:
+        other = tmp_path / "arrays" / path.relative_to(tmp_path / "files")
+        assert other.read_bytes() == path.read_bytes(), path

@@ -16,7 +16,7 @@ from vnav.core.frame import Edge
 from vnav.core.graph import chain
 from vnav.core.mapping import LOST, Odometry, OptimisedMap
 from vnav.io.formats.trajectories import read_tum
-from vnav.io.sources.capture import open_capture
+from vnav.io.sources.open_capture import open_capture
 from vnav.io.store.artifacts import (
     load_loop_edges,
     load_odometry,

@@ -14,7 +14,8 @@ from vnav.core.mapping import LOST, Odometry, OptimisedMap
 from vnav.core.trajectory import Trajectory
 from vnav.errors import CaptureError, ConfigError, TrajectoryError
 from vnav.io.formats.trajectories import read_tum
-from vnav.io.sources.capture import Capture, open_capture
+from vnav.io.sources.capture import Capture
+from vnav.io.sources.open_capture import open_capture
 from vnav.io.store.artifacts import (
     load_loop_edges,
     load_loops,
@@ -64,12 +65,12 @@ def result(folder: MapFolder) -> OptimisedMap:
 class First:
     """The first four frames of a capture, of which one may be black and one unreadable."""
 
-    name = "first"
+    name, has_depth, poses = "first", True, None
 
     def __init__(self, whole: Capture, black: int = -1, unreadable: int = -1) -> None:
         self._whole, self._black, self._unreadable = whole, black, unreadable
-        self.camera, self.frames, self.truth = whole.camera, whole.frames, whole.truth
-        self.stamp_s, self.fingerprint = whole.stamp_s, whole.fingerprint
+        self.camera, self.stamps_s = whole.camera, whole.stamps_s[:4]
+        self.fingerprint = whole.fingerprint
 
     def __len__(self) -> int:
         return 4

@@ -16,26 +16,24 @@ from vnav.checking.verdict import sizes_text
 from vnav.core.camera import Camera
 from vnav.core.progress import Progress, silent
 from vnav.errors import CaptureError
-from vnav.io.sources.capture import Capture
+from vnav.io.sources.capture import Capture, FileBacked
 
 
 @dataclass(frozen=True)
 class CaptureReport:
     """What was found in a capture.
 
-    ``fatal`` and ``implausible_units`` (None: plausible) stop a map, the latter unless forced;
-    ``fitting_units``: units_per_metre that would make depth plausible, None where none would.
+    ``files``: None where the frames are not files. ``fatal`` and ``implausible_units`` (None:
+    plausible) stop a map, the latter unless forced; ``fitting_units``: units_per_metre that would
+    make depth plausible, None where none would.
     """
 
     name: str
     frames: int
-    dropped_color: int
-    dropped_depth: int
     camera: Camera
-    files: FileFindings
+    files: FileFindings | None
     timing: TimingFindings
     look: FrameFindings | None
-    truth: str | None
     fatal: tuple[str, ...]
     implausible_units: str | None
     fitting_units: float | None
@@ -44,7 +42,7 @@ class CaptureReport:
     def as_dict(self) -> dict[str, Any]:
         """Plain values for JSON; sizes as "640x480"."""
         values = asdict(self)
-        for kind in ("color_sizes", "depth_sizes"):
+        for kind in ("color_sizes", "depth_sizes") if self.files else ():
             sizes = values["files"][kind]
             values["files"][kind] = {f"{w}x{h}": count for (w, h), count in sizes.items()}
         return values
@@ -53,10 +51,12 @@ class CaptureReport:
 def inspect(capture: Capture, *, progress: Progress = silent) -> CaptureReport:
     """Read every file of a capture, measure its times and some of its frames, and judge them.
 
-    Frames are not decoded where the files' sizes already rule the capture out.
+    Frames are not decoded where there is no depth, or the files' sizes rule the capture out.
     """
-    files, timing = look_at_files(capture.frames, progress), look_at_times(capture.frames)
-    fatal = verdict.wrong_sizes(capture.camera, files)
+    files = look_at_files(capture, progress) if isinstance(capture, FileBacked) else None
+    fatal = verdict.no_depth(capture)
+    if files is not None:
+        fatal += verdict.wrong_sizes(capture.camera, files)
     look = None if fatal else look_at_frames(capture, progress)
     fitting = implausible = None
     if look is not None:
@@ -66,17 +66,14 @@ def inspect(capture: Capture, *, progress: Progress = silent) -> CaptureReport:
     return CaptureReport(
         capture.name,
         len(capture),
-        len(capture.frames.dropped_color),
-        len(capture.frames.dropped_depth),
         capture.camera,
         files,
-        timing,
+        look_at_times(capture.stamps_s),
         look,
-        None if capture.truth is None else capture.truth.name,
         fatal,
         implausible,
         fitting,
-        verdict.warnings(capture.frames, files, look),
+        verdict.warnings(capture.stamps_s, files, look),
     )
 
 
@@ -84,6 +81,12 @@ def problems(report: CaptureReport, *, force: bool = False) -> tuple[str, ...]:
     """What stops a map of this capture; implausible depth units only where not forced."""
     units = report.implausible_units
     return report.fatal if force or units is None else (*report.fatal, units)
+
+
+def require_depth(capture: Capture) -> None:
+    """CaptureError where the capture has no depth."""
+    for reason in verdict.no_depth(capture):
+        raise CaptureError(reason)
 
 
 def require_usable(
@@ -99,21 +102,28 @@ def require_usable(
 
 def summary(report: CaptureReport) -> list[str]:
     """The report for people, line by line; what is wrong is in `problems` and the warnings."""
-    files, timing = report.files, report.timing
+    files, timing, look = report.files, report.timing, report.look
+    frames = f"frames   {report.frames} over {timing.duration_s:.1f} s"
+    times = (
+        f"times    {timing.median_step_s * 1e3:.0f} ms a frame, largest gap"
+        f" {timing.largest_gap_s * 1e3:.0f} ms"
+    )
+    seen = [] if look is None else _seen(look, report.camera.units_per_metre)
+    if files is None:
+        return [f"capture  {report.name}", frames, times, *seen]
     color, depth = sizes_text(files.color_sizes), sizes_text(files.depth_sizes)
     registered = "registered" if report.camera.is_registered else "not registered"
-    lines = [
-        f"frames   {report.frames} over {timing.duration_s:.1f} s; images without partner:"
-        f" {report.dropped_color} colour, {report.dropped_depth} depth",
+    return [
+        f"capture  {report.name}",
+        f"{frames}; images without partner: {files.dropped_color} colour,"
+        f" {files.dropped_depth} depth",
         f"files    colour {color}; depth {depth}, {registered};"
         f" unreadable: {len(files.unreadable)}",
-        f"times    {timing.median_step_s * 1e3:.0f} ms a frame, largest gap"
-        f" {timing.largest_gap_s * 1e3:.0f} ms; depth {timing.median_offset_s * 1e3:+.1f} ms from"
-        f" colour, at most {timing.largest_offset_s * 1e3:+.1f} ms",
-        *([] if report.look is None else _seen(report.look, report.camera.units_per_metre)),
-        f"truth    {report.truth or 'none'}",
+        f"{times}; depth {files.median_offset_s * 1e3:+.1f} ms from colour, at most"
+        f" {files.largest_offset_s * 1e3:+.1f} ms",
+        *seen,
+        f"truth    {files.truth or 'none'}",
     ]
-    return [f"capture  {report.name}", *lines]
 
 
 def _seen(look: FrameFindings, units_per_metre: float) -> list[str]:

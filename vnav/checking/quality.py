@@ -10,12 +10,13 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from vnav.core.arrays import Array
 from vnav.core.frame import Frame
 from vnav.core.progress import Progress
 from vnav.errors import CaptureError
 from vnav.io.formats.images import image_size
-from vnav.io.sources.capture import Capture
-from vnav.io.sources.frame_list import FrameList, ImageFile
+from vnav.io.sources.capture import Capture, FileBacked
+from vnav.io.sources.frame_list import ImageFile
 
 SAMPLES = 60  # frames that are decoded and measured, evenly over the capture
 BLURRED, DARK = 0.6, 40.0  # from about 8 px of smear at 640 px width; mean grey level of 255
@@ -30,24 +31,28 @@ class FileFindings:
     """Every image file of the frames.
 
     How many whole ones of which size, the commonest first; names of those of another size than
-    the commonest; what is wrong with the damaged ones.
+    the commonest; what is wrong with the damaged ones; how many images found no partner; how much
+    later depth was taken than colour; the file of the true trajectory.
     """
 
     color_sizes: dict[Size, int]
     depth_sizes: dict[Size, int]
     odd_sizes: tuple[str, ...]
     unreadable: tuple[str, ...]
+    dropped_color: int
+    dropped_depth: int
+    median_offset_s: float
+    largest_offset_s: float
+    truth: str | None
 
 
 @dataclass(frozen=True)
 class TimingFindings:
-    """Times of the frames; an offset is how much later depth was taken than colour."""
+    """Times of the frames; the step and the gap are 0 where there is one frame only."""
 
     duration_s: float
     median_step_s: float
     largest_gap_s: float
-    median_offset_s: float
-    largest_offset_s: float
 
 
 @dataclass(frozen=True)
@@ -66,26 +71,34 @@ class FrameFindings:
     dark_share: float
 
 
-def look_at_files(frames: FrameList, progress: Progress) -> FileFindings:
+def look_at_files(capture: FileBacked, progress: Progress) -> FileFindings:
     """Read every file whole; one that is missing, cut off or altered is named."""
-    count = len(frames.pairs)
-    images = [pair.color for pair in frames.pairs] + [pair.depth for pair in frames.pairs]
+    files = capture.files
+    count = len(files.pairs)
+    images = [pair.color for pair in files.pairs] + [pair.depth for pair in files.pairs]
     sizes = list(_in_threads(_size_of, images, "reading files", progress))
     color, odd_color = _counted(images[:count], sizes[:count])
     depth, odd_depth = _counted(images[count:], sizes[count:])
-    unreadable = tuple(str(size) for size in sizes if isinstance(size, CaptureError))
-    return FileFindings(color, depth, (*odd_color, *odd_depth), unreadable)
+    return FileFindings(
+        color,
+        depth,
+        (*odd_color, *odd_depth),
+        tuple(str(size) for size in sizes if isinstance(size, CaptureError)),
+        len(files.dropped_color),
+        len(files.dropped_depth),
+        float(np.median(files.offsets_s)),
+        float(max(files.offsets_s, key=abs)),
+        None if capture.truth is None else capture.truth.name,
+    )
 
 
-def look_at_times(frames: FrameList) -> TimingFindings:
-    """Steps between frames and offsets between their images."""
-    stamps_s, offsets_s = frames.stamps_s, frames.offsets_s
+def look_at_times(stamps_s: Array) -> TimingFindings:
+    """Steps between the frames' times (N,), N at least 1."""
+    steps_s = np.diff(stamps_s)
     return TimingFindings(
         float(stamps_s[-1] - stamps_s[0]),
-        float(np.median(np.diff(stamps_s))) if len(stamps_s) > 1 else 0.0,
-        frames.largest_gap_s,
-        float(np.median(offsets_s)),
-        float(offsets_s[np.abs(offsets_s).argmax()]),
+        float(np.median(steps_s)) if len(steps_s) else 0.0,
+        float(steps_s.max(initial=0.0)),
     )
 
 

@@ -3,8 +3,9 @@
 import numpy as np
 
 from vnav.checking.quality import FileFindings, FrameFindings, Size
+from vnav.core.arrays import Array
 from vnav.core.camera import Camera
-from vnav.io.sources.frame_list import FrameList
+from vnav.io.sources.capture import Capture
 
 # Where the depth of indoor captures lies, in metres: its nearest twentieth, its middle, its
 # farthest twentieth. Depth cameras begin at 0.2 m or later and reach 10 m at most.
@@ -13,6 +14,16 @@ USUAL_UNITS = (1000, 5000, 10000, 4000, 100)  # per metre, the most common first
 
 MANY_DROPPED, LITTLE_DEPTH, MANY_POOR = 0.1, 0.1, 0.3  # shares that are worth a warning
 LONG_GAP_S, LONG_GAP_STEPS = 0.5, 10  # a gap longer than both is worth one too
+
+
+def no_depth(capture: Capture) -> tuple[str, ...]:
+    """Why a capture without depth cannot be mapped; nothing where it has depth."""
+    if capture.has_depth:
+        return ()
+    return (
+        f"expected frames with depth, found {capture.name} with colour only; a map needs a depth"
+        " image for each colour image: record with an RGB-D camera, or add the depth",
+    )
 
 
 def wrong_sizes(camera: Camera, files: FileFindings) -> tuple[str, ...]:
@@ -74,26 +85,33 @@ def implausible_units(used: float, look: FrameFindings, fitting: float | None) -
     )
 
 
-def warnings(frames: FrameList, files: FileFindings, look: FrameFindings | None) -> tuple[str, ...]:
+def warnings(
+    stamps_s: Array, files: FileFindings | None, look: FrameFindings | None
+) -> tuple[str, ...]:
     """What does not stop a map, but may spoil it; names every damaged file."""
-    damaged = dict.fromkeys([*files.unreadable, *(look.unreadable if look else ())])
-    return (*damaged, *_of_times(frames), *(() if look is None else _of_look(look)))
+    found = [] if files is None else list(files.unreadable)
+    found += [] if look is None else look.unreadable
+    found += [] if files is None else _of_files(files, len(stamps_s))
+    found += [*_of_times(stamps_s), *([] if look is None else _of_look(look))]
+    return tuple(dict.fromkeys(found))
 
 
-def _of_times(frames: FrameList) -> list[str]:
-    count, stamps_s = len(frames.pairs), frames.stamps_s
-    dropped = max(len(frames.dropped_color), len(frames.dropped_depth))
+def _of_files(files: FileFindings, count: int) -> list[str]:
+    dropped = max(files.dropped_color, files.dropped_depth)
+    if dropped <= MANY_DROPPED * (count + dropped):
+        return []
+    return [
+        f"{dropped} images have no partner in time, {count} have one; are colour and depth of"
+        " the same recording and by the same clock?"
+    ]
+
+
+def _of_times(stamps_s: Array) -> list[str]:
     steps_s = np.diff(stamps_s)
-    found = []
-    if dropped > MANY_DROPPED * (count + dropped):
-        found.append(
-            f"{dropped} images have no partner in time, {count} have one; are colour and depth of"
-            " the same recording and by the same clock?"
-        )
-    if count > 2 and steps_s.max() > max(LONG_GAP_S, LONG_GAP_STEPS * np.median(steps_s)):
-        k = int(steps_s.argmax())
-        found.append(f"no frames for {steps_s[k]:.1f} s after frame {k} ({stamps_s[k]:.3f} s)")
-    return found
+    if len(steps_s) < 2 or steps_s.max() <= max(LONG_GAP_S, LONG_GAP_STEPS * np.median(steps_s)):
+        return []
+    k = int(steps_s.argmax())
+    return [f"no frames for {steps_s[k]:.1f} s after frame {k} ({stamps_s[k]:.3f} s)"]
 
 
 def _of_look(look: FrameFindings) -> list[str]:

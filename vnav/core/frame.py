@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vnav.core.arrays import frozen
+from vnav.core.camera import Intrinsics
 
 
 @dataclass(frozen=True)
@@ -21,7 +22,9 @@ class Frame:
     color
         (H, W, 3) uint8, RGB.
     depth_m
-        (H, W) float32, z in metres, 0 where there is none.
+        (H, W) float32, z in metres, 0 where there is none; see `no_depth`.
+    intrinsics
+        The pinhole camera of both images, without distortion.
     """
 
     capture: int
@@ -29,10 +32,21 @@ class Frame:
     stamp_s: float
     color: NDArray[np.uint8]
     depth_m: NDArray[np.float32]
+    intrinsics: Intrinsics
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "color", frozen(self.color, np.uint8, (None, None, 3)))
         object.__setattr__(self, "depth_m", frozen(self.depth_m, np.float32, self.color.shape[:2]))
+        if self.intrinsics.size != self.color.shape[1::-1] or self.intrinsics.distortion:
+            raise ValueError(
+                f"expected a pinhole camera of {self.color.shape[1::-1]} pixels, found"
+                f" {self.intrinsics}"
+            )
+
+
+def no_depth(height: int, width: int) -> NDArray[np.float32]:
+    """The depth (H, W) of a frame of which none was measured: 0 everywhere, without memory."""
+    return np.broadcast_to(np.float32(0), (height, width))
 
 
 @dataclass(frozen=True)

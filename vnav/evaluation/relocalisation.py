@@ -14,8 +14,8 @@ from vnav.core.trajectory import Trajectory
 from vnav.errors import PhotoError
 from vnav.evaluation import metrics
 from vnav.io.formats.trajectories import read_photo_poses
-from vnav.io.sources.folder_capture import FolderCapture
-from vnav.io.sources.frame_list import FrameList
+from vnav.io.sources.capture import Capture, FileBacked
+from vnav.io.sources.subset import Subset
 from vnav.localisation.answer import PhotoAnswer, UnreadablePhoto
 from vnav.stages.locate import Locator, locate
 
@@ -39,19 +39,18 @@ def photo_queries(folder: Path) -> list[PosedPhoto]:
     return queries
 
 
-def without_held_out(capture: FolderCapture, every: int) -> FolderCapture:
+def without_held_out(capture: Capture, every: int) -> Capture:
     """The capture without its ``every``-th frames; whole where that is 0."""
-    frames = capture.frames
-    kept = [pair for k, pair in enumerate(frames.pairs, 1) if not every or k % every]
-    left = FrameList(tuple(kept), frames.dropped_color, frames.dropped_depth)
-    return FolderCapture(capture.root, capture.camera, left, capture.truth)
+    if not every:
+        return capture
+    return Subset(capture, [row for row in range(len(capture)) if (row + 1) % every])
 
 
 def held_out_queries(
-    capture: FolderCapture, every: int, truth: Trajectory, max_difference_s: float
+    capture: FileBacked, every: int, truth: Trajectory, max_difference_s: float
 ) -> list[PosedPhoto]:
     """The frames that `without_held_out` leaves out and that have a true pose."""
-    colors = [pair.color for pair in capture.frames.pairs][every - 1 :: every]
+    colors = [pair.color for pair in capture.files.pairs][every - 1 :: every]
     stamps_s = np.array([color.stamp_s for color in colors])
     matches = associate(stamps_s, truth.stamps_s, max_difference_s)
     return [PosedPhoto(colors[i].path, truth.T_world_camera[j]) for i, j in matches]

@@ -24,8 +24,8 @@ from vnav.evaluation import relocalisation
 from vnav.evaluation.score import score
 from vnav.io.datasets.suite_file import Entry, SequenceFiles, Suite, files_of
 from vnav.io.formats.trajectories import read_tum
-from vnav.io.sources.capture import camera_path, open_capture, read_truth
-from vnav.io.sources.folder_capture import FolderCapture
+from vnav.io.sources.capture import FileBacked
+from vnav.io.sources.open_capture import camera_path, open_capture, read_truth
 from vnav.io.store.artifacts import load_loops, load_odometry
 from vnav.io.store.map_folder import MapFolder
 from vnav.io.store.overview import overview
@@ -107,7 +107,7 @@ def evaluate(task: SequenceTask, progress: Progress = silent) -> SequenceRun:
     with tempfile.TemporaryDirectory() as scratch:
         folder = MapFolder.create(Path(scratch) / "map")
         mapped = relocalisation.without_held_out(capture, entry.hold_out_every)
-        require_usable(mapped, progress=progress)
+        require_usable(capture, progress=progress)
         reports = build_map(folder, mapped, config, progress=progress)
         trajectory = read_tum(folder.stage("optimise") / "trajectory_0.tum")
         values = _of_the_map(folder, reports)
@@ -121,7 +121,7 @@ def evaluate(task: SequenceTask, progress: Progress = silent) -> SequenceRun:
         return SequenceRun(values, trajectory, _true_poses(trajectory, truth), _closures_s(folder))
 
 
-def _truth(files: SequenceFiles, capture: FolderCapture, config: Config) -> Trajectory:
+def _truth(files: SequenceFiles, capture: FileBacked, config: Config) -> Trajectory:
     """The true trajectory, empty where there is none."""
     if files.truth is None and capture.truth is None:
         return UNKNOWN
@@ -129,7 +129,7 @@ def _truth(files: SequenceFiles, capture: FolderCapture, config: Config) -> Traj
 
 
 def _queries(
-    task: SequenceTask, files: SequenceFiles, capture: FolderCapture, truth: Trajectory
+    task: SequenceTask, files: SequenceFiles, capture: FileBacked, truth: Trajectory
 ) -> list[QuerySet]:
     """The photos of a sequence; CaptureError where they have no truth to be held against."""
     entry, found = task.entry, list[QuerySet]()

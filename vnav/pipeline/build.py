@@ -12,7 +12,8 @@ from vnav.core.report import Report
 from vnav.core.trajectory import Trajectory
 from vnav.errors import MapError
 from vnav.io.formats.trajectories import read_tum
-from vnav.io.sources.capture import Capture, open_capture
+from vnav.io.sources.capture import Capture
+from vnav.io.sources.open_capture import open_capture
 from vnav.io.store.map_folder import STAGES, MapFolder
 from vnav.io.store.stage_reports import clock, finished, peak_memory_mb
 

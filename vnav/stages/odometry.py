@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from vnav.checking.capture_report import require_depth
 from vnav.config import Config
 from vnav.core.camera import Intrinsics
 from vnav.core.frame import Frame
@@ -22,7 +23,7 @@ from vnav.features import front_end
 from vnav.features.lifting import lift
 from vnav.io.formats.trajectories import fingerprint
 from vnav.io.sources.capture import Capture
-from vnav.io.sources.rectify import rectified
+from vnav.io.sources.rectify import rectified, resampled
 from vnav.io.store.artifacts import save_keyframe, save_odometry
 from vnav.io.store.map_folder import MapFolder
 from vnav.io.store.stage_reports import clock, finished, reused, settings_of
@@ -43,9 +44,11 @@ def run(
 ) -> Report:
     """Track every frame of the capture, choose keyframes, name what is lost.
 
-    With ``given`` poses nothing is tracked: they are taken for what they are.
+    With ``given`` poses nothing is tracked: they are taken for what they are. CaptureError where
+    the capture has no depth.
     """
     started = clock()
+    require_depth(capture)
     settings = settings_of(config, "capture", "features", "registration", "odometry")
     entry = described(0, capture)
     inputs = {"capture_0": entry["fingerprint"]}
@@ -108,7 +111,7 @@ def _described_frames(
 
     def describe(row: int) -> _Seen | str:
         try:
-            frame = capture.read(row)
+            frame = resampled(capture.read(row), sensor.intrinsics)
         except CaptureError as error:
             return str(error)
         features = extract(frame.color)
@@ -126,8 +129,7 @@ def _described_frames(
 
 def _frame_table(capture: Capture) -> FrameTable:
     index = np.arange(len(capture), dtype=np.int32)
-    stamps_s = [capture.stamp_s(k) for k in range(len(capture))]
-    return FrameTable(np.zeros_like(index), index, np.array(stamps_s))
+    return FrameTable(np.zeros_like(index), index, capture.stamps_s)
 
 
 def described(number: int, capture: Capture) -> dict[str, Any]:

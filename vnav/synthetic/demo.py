@@ -16,7 +16,7 @@ from vnav.evaluation import metrics
 from vnav.evaluation.score import Score, score
 from vnav.io.formats.grid_files import read_grid
 from vnav.io.formats.trajectories import read_photo_poses, read_tum
-from vnav.io.sources.capture import open_capture
+from vnav.io.sources.open_capture import open_capture
 from vnav.io.store.map_folder import MapFolder
 from vnav.localisation.answer import PhotoAnswer
 from vnav.pipeline.build import build_map

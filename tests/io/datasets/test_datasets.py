@@ -11,7 +11,7 @@ from vnav.config import CaptureConfig
 from vnav.errors import DatasetError
 from vnav.io.datasets.catalogue import PublicSequence, catalogue, named
 from vnav.io.datasets.datasets import datasets_folder, fetch, state, verify
-from vnav.io.sources.capture import open_capture
+from vnav.io.sources.open_capture import open_capture
 
 NAME = "rgbd_dataset_freiburg1_xyz"
 PATH = f"/freiburg1/{NAME}.tgz"

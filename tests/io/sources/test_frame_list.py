@@ -25,9 +25,7 @@ def test_of_two_colour_images_with_one_time_the_first_is_kept() -> None:
     assert frames.dropped_color == (colors[1],)
 
 
-def test_the_largest_gap_and_the_offsets_are_told() -> None:
+def test_an_offset_is_how_much_later_depth_was_taken() -> None:
     colors, depths = images([0.0, 0.1, 0.5], "rgb"), images([0.01, 0.1, 0.48], "depth")
     frames = FrameList(tuple(map(FramePair, colors, depths)))
-    assert frames.largest_gap_s == 0.4
     np.testing.assert_allclose(frames.offsets_s, [0.01, 0.0, -0.02], atol=1e-12)
-    assert FrameList(frames.pairs[:1]).largest_gap_s == 0.0

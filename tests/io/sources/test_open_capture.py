@@ -7,7 +7,7 @@ import pytest
 from vnav.config import CaptureConfig
 from vnav.core import se3
 from vnav.errors import CameraError, CaptureError
-from vnav.io.sources.capture import open_capture, read_truth, truth_of
+from vnav.io.sources.open_capture import open_capture, read_truth, truth_of
 
 CONFIG = CaptureConfig()
 CAMERA = """
@@ -75,7 +75,7 @@ def write_poses(root: Path, poses: dict[int, np.ndarray]) -> None:
 
 def test_a_tum_folder_needs_no_association_file(tmp_path: Path) -> None:
     root = write_tum(tmp_path, ["1.00", "1.03", "1.06"], ["1.01", "1.041", "9.00"])
-    frames = open_capture(root, CONFIG).frames
+    frames = open_capture(root, CONFIG).files
     assert frames.stamps_s.tolist() == [1.00, 1.03]
     np.testing.assert_allclose(frames.offsets_s, [0.01, 0.011])
     assert [image.stamp_s for image in frames.dropped_color] == [1.06]
@@ -100,7 +100,7 @@ def test_a_wrong_line_of_a_tum_list_is_named(tmp_path: Path, line: str) -> None:
 def test_folders_are_matched_by_the_times_in_their_files_names(tmp_path: Path) -> None:
     colors = ["1305031102.175.jpg", "1305031102.208.jpg", "1305031102.30.jpg"]
     root = write_folders(tmp_path, colors, ["1305031102.21.png", "1305031102.18.png"])
-    frames = open_capture(root, CONFIG).frames
+    frames = open_capture(root, CONFIG).files
     assert frames.stamps_s.tolist() == [1305031102.175, 1305031102.208]
     assert [pair.depth.path.name for pair in frames.pairs] == [
         "1305031102.18.png",
@@ -115,14 +115,14 @@ def test_folders_are_matched_by_the_times_in_their_files_names(tmp_path: Path) -
 )
 def test_times_in_milliseconds_become_seconds(tmp_path: Path, first: str, second: str) -> None:
     names = [f"{first}.png", f"{second}.png"]
-    stamps_s = open_capture(write_folders(tmp_path, names, names), CONFIG).frames.stamps_s
+    stamps_s = open_capture(write_folders(tmp_path, names, names), CONFIG).stamps_s
     np.testing.assert_allclose(stamps_s, [1305031102.175, 1305031102.208], atol=5e-4)
 
 
 def test_folders_are_matched_by_number_and_a_missing_number_leaves_a_gap(tmp_path: Path) -> None:
     colors = ["color_0001.jpg", "color_0002.jpg", "color_0004.jpg"]
     root = write_folders(tmp_path, colors, ["4.png", "1.png", "3.png"])
-    frames = open_capture(root, CaptureConfig(frame_rate_hz=10.0)).frames
+    frames = open_capture(root, CaptureConfig(frame_rate_hz=10.0)).files
     np.testing.assert_allclose(frames.stamps_s, [0.1, 0.4])
     assert [pair.depth.path.name for pair in frames.pairs] == ["1.png", "4.png"]
     assert [image.path.name for image in frames.dropped_color] == ["color_0002.jpg"]
@@ -131,7 +131,7 @@ def test_folders_are_matched_by_number_and_a_missing_number_leaves_a_gap(tmp_pat
 
 def test_folders_with_other_names_are_matched_by_order_if_they_hold_as_many(tmp_path: Path) -> None:
     root = write_folders(tmp_path, ["a.png", "b.png"], ["c.png", "d.png"])
-    frames = open_capture(root, CaptureConfig(frame_rate_hz=10.0)).frames
+    frames = open_capture(root, CaptureConfig(frame_rate_hz=10.0)).files
     np.testing.assert_allclose(frames.stamps_s, [0.0, 0.1])
     (root / "depth" / "d.png").unlink()
     with pytest.raises(CaptureError, match="found 2 and 1"):
@@ -149,8 +149,8 @@ def test_frames_of_7_scenes_are_a_thirtieth_of_a_second_apart(tmp_path: Path) ->
     root = write_seven_scenes(tmp_path, [0, 1, 3], CAMERA)
     (root / "frame-000001.depth.png").unlink()
     capture = open_capture(root, CONFIG)
-    np.testing.assert_allclose(capture.frames.stamps_s, [0, 0.1])
-    assert len(capture.frames.dropped_color) == 1
+    np.testing.assert_allclose(capture.stamps_s, [0, 0.1])
+    assert len(capture.files.dropped_color) == 1
 
 
 def test_poses_of_7_scenes_are_moved_to_the_colour_camera(tmp_path: Path) -> None:

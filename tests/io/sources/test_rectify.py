@@ -7,7 +7,8 @@ from numpy.typing import NDArray
 
 from vnav.core import se3
 from vnav.core.camera import Camera, Intrinsics
-from vnav.io.sources.rectify import Rectifier, rectified
+from vnav.core.frame import Frame
+from vnav.io.sources.rectify import Rectifier, rectified, resampled
 
 UNITS = 10_000.0  # 0.1 mm, so that rounding of stored depth is far below what is tested
 COLOR = Intrinsics(160, 120, 131.0, 131.0, 80.0, 60.0)
@@ -176,3 +177,45 @@ def test_threads_get_the_same_bytes() -> None:
     alone = rectifier.depth_m(raw)
     with ThreadPoolExecutor(8) as pool:
         assert all((other == alone).all() for other in pool.map(rectifier.depth_m, [raw] * 32))
+
+
+def seen_plane(camera: Intrinsics) -> Frame:
+    """A slanted plane with a pattern that is smooth over the camera's rays."""
+    rays = camera.unproject(pixels(camera), np.ones((camera.height, camera.width)))
+    grey = 128 + 60 * np.sin(9 * rays[..., 0]) + 60 * np.cos(7 * rays[..., 1])
+    depth_m = depth_of_plane(camera, np.array([0.3, 0.1, 1.0]), 2.0).astype(np.float32)
+    color = np.repeat(np.rint(grey).astype(np.uint8)[..., None], 3, 2)
+    return Frame(0, 4, 1.5, color, depth_m, camera)
+
+
+def test_a_frame_of_the_wanted_camera_is_not_touched() -> None:
+    frame = seen_plane(COLOR)
+    assert resampled(frame, Intrinsics(160, 120, 131.0, 131.0, 80.0, 60.0)) is frame
+
+
+@pytest.mark.parametrize("other", [Intrinsics(160, 120, 144.0, 143.0, 77.0, 63.0), SENSOR])
+def test_a_frame_of_another_focal_length_is_seen_as_the_wanted_camera_sees_it(
+    other: Intrinsics,
+) -> None:
+    frame, expected = resampled(seen_plane(other), COLOR), seen_plane(COLOR)
+    assert (frame.index, frame.stamp_s, frame.intrinsics) == (4, 1.5, COLOR)
+    there = frame.depth_m > 0
+    assert 0.7 < there.mean() < 1
+    # Rounding to grey levels three times, and linear interpolation of the pattern: its second
+    # derivative, at most 60 * (9 / 131)^2, over 8. A pixel's shift would be 4 grey levels. On the
+    # outline colour lies up to half a pixel beyond the image.
+    inside = cv2.erode(there.astype(np.uint8), np.ones((3, 3))) > 0
+    off = np.abs(frame.color.astype(int) - expected.color)[inside]
+    assert off.max() <= 1
+    # The nearest pixel is at most half a pixel away, in x and y.
+    step_m = np.abs(np.gradient(expected.depth_m)).sum(0).max()
+    assert np.abs(frame.depth_m - expected.depth_m)[there].max() < 0.5 * step_m * 1.1
+
+
+def test_beyond_the_image_there_is_no_depth_and_colour_repeats_its_border() -> None:
+    narrow = COLOR.scaled(320, 240)  # twice the focal length: half the view, cut to its middle
+    narrow = Intrinsics(160, 120, narrow.fx, narrow.fy, 79.5, 59.5)
+    frame = resampled(seen_plane(narrow), COLOR)
+    assert not frame.depth_m[:28].any()
+    np.testing.assert_array_equal(frame.color[0], frame.color[20])
+    assert (frame.depth_m > 0).mean() == pytest.approx(0.25, abs=0.02)

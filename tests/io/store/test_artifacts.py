@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from vnav.core import se3
+from vnav.core.camera import Intrinsics
 from vnav.core.frame import Edge, Features, Frame
 from vnav.core.mapping import (
     LOST,
@@ -147,20 +148,24 @@ def test_a_keyframes_images_are_kept(folder: MapFolder) -> None:
     color = np.stack([ramp, 255 - ramp, ramp / 2], -1).astype(np.uint8)
     depth = RNG.uniform(0.3, 13, (48, 64)).astype(np.float32)
     depth[:5] = 0
-    frame = Frame(1, 0, 1.0, color, depth)
+    camera = Intrinsics(64, 48, 50.0, 51.0, 31.5, 23.5)
+    frame = Frame(1, 0, 1.0, color, depth, camera)
     frames = odometry().frames
+    folder.set_captures([{"camera": {}}, {"camera": vars(camera)}])
     saved(folder, "odometry", lambda draft: artifacts.save_keyframe(draft, 3, frame))
     kept = artifacts.load_keyframe(folder, 3, frames)
     assert (kept.capture, kept.index, kept.stamp_s) == (1, 0, 1.0)
+    assert kept.intrinsics == camera
     assert np.abs(kept.color.astype(int) - color).mean() < 3
     assert np.abs(kept.depth_m - depth).max() <= 1.01e-4
     assert not kept.depth_m[:5].any()
 
 
 def test_depth_beyond_what_is_stored_is_not_wrapped_to_near(folder: MapFolder) -> None:
-    frame = Frame(0, 0, 1.0, np.zeros((8, 8, 3)), np.full((8, 8), 20.0))
+    camera = Intrinsics(8, 8, 9.0, 9.0, 3.5, 3.5)
+    frame = Frame(0, 0, 1.0, np.zeros((8, 8, 3)), np.full((8, 8), 20.0), camera)
     saved(folder, "odometry", lambda draft: artifacts.save_keyframe(draft, 0, frame))
-    assert artifacts.load_keyframe(folder, 0, odometry().frames).depth_m.min() > 13
+    assert artifacts.load_keyframe_depth(folder, 0).min() > 13
 
 
 def test_a_missing_keyframe_image_is_named(folder: MapFolder) -> None:

@@ -11,21 +11,25 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from vnav.core.arrays import Array
 from vnav.core.camera import Camera
 from vnav.core.frame import Frame
 from vnav.errors import CaptureError
 from vnav.io.formats.images import read_depth, read_image
 from vnav.io.sources.frame_list import FrameList
-from vnav.io.sources.rectify import Rectifier
+from vnav.io.sources.rectify import Rectifier, rectified
 
 
 class FolderCapture:
     """Frames from image files: read, undistorted, registered."""
 
+    has_depth = True
+    poses = None
+
     def __init__(
-        self, root: Path, camera: Camera, frames: FrameList, truth: Path | None = None
+        self, root: Path, camera: Camera, files: FrameList, truth: Path | None = None
     ) -> None:
-        self.root, self.camera, self.frames, self.truth = root, camera, frames, truth
+        self.root, self.camera, self.files, self.truth = root, camera, files, truth
 
     @property
     def name(self) -> str:
@@ -33,25 +37,27 @@ class FolderCapture:
         return self.root.resolve().name
 
     def __len__(self) -> int:
-        return len(self.frames.pairs)
+        return len(self.files.pairs)
 
-    def stamp_s(self, index: int) -> float:
-        """Time of the colour image of a frame."""
-        return self.frames.pairs[index].color.stamp_s
+    @property
+    def stamps_s(self) -> Array:
+        """Times (N,) of the colour images."""
+        return self.files.stamps_s
 
     def read(self, index: int) -> Frame:
         """One frame, undistorted and registered; CaptureError names a file that is damaged."""
-        pair = self.frames.pairs[index]
+        pair = self.files.pairs[index]
         color, raw = read_image(pair.color.path), read_depth(pair.depth.path)
         _require_size(pair.color.path, color, self.camera.color.size, "color")
         sensor = self.camera.depth or self.camera.color
         _require_size(pair.depth.path, raw, sensor.size, "depth")
         rectifier = self._rectifier
-        return Frame(0, index, self.stamp_s(index), rectifier.color(color), rectifier.depth_m(raw))
+        color, depth_m = rectifier.color(color), rectifier.depth_m(raw)
+        return Frame(0, index, pair.color.stamp_s, color, depth_m, rectified(self.camera))
 
     def fingerprint(self) -> str:
         """A hash of the capture's content: camera, and each frame's times, file names and bytes."""
-        files = [image for pair in self.frames.pairs for image in (pair.color, pair.depth)]
+        files = [image for pair in self.files.pairs for image in (pair.color, pair.depth)]
         with ThreadPoolExecutor() as pool:
             digests = list(pool.map(_digest, [file.path for file in files]))
         names = [os.path.relpath(file.path, self.root) for file in files]

@@ -42,11 +42,6 @@ class FrameList:
         """How much later (N,) each depth image was taken than its colour image."""
         return np.array([pair.depth.stamp_s - pair.color.stamp_s for pair in self.pairs])
 
-    @property
-    def largest_gap_s(self) -> float:
-        """Longest time between two frames in succession; 0 for fewer than two."""
-        return float(np.diff(self.stamps_s).max(initial=0.0))
-
 
 def paired(
     colors: Sequence[ImageFile], depths: Sequence[ImageFile], matches: NDArray[np.intp]

@@ -6,21 +6,48 @@ nothing was measured.
 """
 
 import dataclasses
+from typing import cast
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from vnav.core.camera import Camera, Intrinsics
+from vnav.core.frame import Frame
 
 _SATURATED = 65535  # what 7-Scenes writes for "no depth"; no sensor measures it
 
 Maps = tuple[NDArray[np.int16], NDArray[np.uint16]]
+StoredDepth = NDArray[np.uint16] | NDArray[np.float32]  # (H, W), in units of the camera
 
 
 def rectified(camera: Camera) -> Intrinsics:
     """The colour camera of the frames that a capture delivers: as described, without distortion."""
     return dataclasses.replace(camera.color, distortion=())
+
+
+def resampled(frame: Frame, intrinsics: Intrinsics) -> Frame:
+    """The frame as another pinhole camera at the same place and of the same axes sees it.
+
+    Colour linearly, depth from the nearest pixel; beyond the image colour repeats its border and
+    there is no depth. The frame itself where its camera is that one already.
+    """
+    own = frame.intrinsics
+    if own == intrinsics:
+        return frame
+    frame_from_wanted = (own.K @ np.linalg.inv(intrinsics.K))[:2]
+    linear, nearest = (how | cv2.WARP_INVERSE_MAP for how in (cv2.INTER_LINEAR, cv2.INTER_NEAREST))
+    color = cv2.warpAffine(
+        np.asarray(frame.color),
+        frame_from_wanted,
+        intrinsics.size,
+        flags=linear,
+        borderMode=cv2.BORDER_REPLICATE,
+    )
+    depth_m = cv2.warpAffine(
+        np.asarray(frame.depth_m), frame_from_wanted, intrinsics.size, flags=nearest
+    )
+    return dataclasses.replace(frame, color=color, depth_m=depth_m, intrinsics=intrinsics)
 
 
 class Rectifier:
@@ -42,10 +69,10 @@ class Rectifier:
         )
         return np.asarray(result, np.uint8)
 
-    def depth_m(self, raw: NDArray[np.uint16]) -> NDArray[np.float32]:
+    def depth_m(self, raw: StoredDepth) -> NDArray[np.float32]:
         """Depth (H, W) float32 in metres on the pixels of undistorted colour, 0 where none."""
         if self._depth_maps is not None:
-            raw = np.asarray(cv2.remap(raw, *self._depth_maps, cv2.INTER_NEAREST), np.uint16)
+            raw = cast(StoredDepth, cv2.remap(raw, *self._depth_maps, cv2.INTER_NEAREST))
         units_per_metre = np.float32(self._camera.units_per_metre)
         depth_m = np.where(raw == _SATURATED, np.float32(0), raw / units_per_metre)
         return depth_m if self._warp is None else self._warp(depth_m)

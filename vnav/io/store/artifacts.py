@@ -101,7 +101,8 @@ def load_keyframe(folder: MapFolder, row: int, frames: FrameTable) -> Frame:
     color = _keyframe_image(folder, row, "jpg", cv2.IMREAD_COLOR_RGB)
     key = int(frames.capture[row]), int(frames.index[row])
     depth_m = load_keyframe_depth(folder, row)
-    return Frame(*key, float(frames.stamp_s[row]), color.astype(np.uint8), depth_m)
+    intrinsics = map_camera(folder, key[0])
+    return Frame(*key, float(frames.stamp_s[row]), color.astype(np.uint8), depth_m, intrinsics)
 
 
 def load_keyframe_depth(folder: MapFolder, row: int) -> NDArray[np.float32]:
