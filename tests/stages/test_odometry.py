@@ -346,7 +346,7 @@ def test_a_focal_length_that_changes_from_frame_to_frame_makes_no_drift(
     capture = zooming(truth, 20)
     result = tracked(capture, tmp_path)
     assert not result.segment.any()
-    # No more than noise adds up to where the focal length stays; ignored, it would be 4 cm.
+    # No more than noise adds up to where the focal length stays; ignored, it would be 10 cm.
     constant = dataclasses.replace(tiny, edges=tuple(e for e in tiny.edges if e.j < 20))
     assert ate_m(result.T_segment_camera, truth[:20]) < drift_of_noise_m(constant, truth[:20])
     errors = [normalised(true_motion(truth, e.i, e.j), e) for e in result.edges]
