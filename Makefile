@@ -4,6 +4,7 @@
 #   make check       doctor, lint, format, types
 #   make bench       speed against peers            make bench-real   all on ../shared/captures
 #   make results     docs/results.md, of what these two record in benchmarks/results
+#   make pictures    the pictures of README.md and the tutorial, from the demo
 #   make clean       everything that make made
 
 PYTHON ?= python3
@@ -19,12 +20,15 @@ CAPTURES := ../shared/captures/house ../shared/captures/redkitchen01
 DESK := ../shared/captures/fr1_desk
 SOURCES := find vnav cli configs datasets -type f ! -name '*.pyc'
 
-.PHONY: setup demo test check bench bench-real results clean python system links
+.PHONY: setup demo pictures test check bench bench-real results clean python system links
 
 setup: python system links
 
 demo: setup
 	$(BIN)/vnav demo
+
+pictures: setup
+	$(BIN)/python docs/make_pictures.py
 
 test: check
 	$(BIN)/pytest -m "not real" -n auto --dist loadfile
