@@ -111,7 +111,7 @@ def _described_frames(
 
     def describe(row: int) -> _Seen | str:
         try:
-            frame = resampled(capture.read(row), sensor.intrinsics)
+            frame = resampled(capture.read(row), camera)
         except CaptureError as error:
             return str(error)
         features = extract(frame.color)
