@@ -1,6 +1,7 @@
 """Reads the imports of every module and holds them against the dependency rule of the design."""
 
 import ast
+import re
 import sys
 import tomllib
 from collections.abc import Iterable, Iterator
@@ -114,6 +115,19 @@ def test_every_folder_with_modules_is_an_installed_package() -> None:
     project = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))
     packages = {name for name, path in MODULES.items() if path.name == "__init__.py"}
     assert set(project["tool"]["setuptools"]["packages"]) == packages
+
+
+def test_the_document_tells_the_levels_as_they_are() -> None:
+    text = (ROOT / "ARCHITECTURE.md").read_text("utf-8")
+    listed = re.findall(r"^## Levels.*?```text\n(.*?)```", text, re.M | re.S)[0]
+    assert [set(line.split()) for line in listed.splitlines()] == list(LEVELS)
+
+
+def test_the_document_names_every_package() -> None:
+    text = (ROOT / "ARCHITECTURE.md").read_text("utf-8")
+    packages = {path.parent for path in MODULES.values() if path.name == "__init__.py"}
+    named = {f"{package.relative_to(ROOT)}/" for package in packages - {ROOT / "vnav"}}
+    assert not [name for name in named if f"`{name}`" not in text]
 
 
 def test_imports_are_absolute_and_point_down() -> None:
