@@ -94,6 +94,14 @@ def test_every_page_is_linked_from_another() -> None:
     assert not {*PAGES} - linked - {ROOT / "README.md"}
 
 
+def test_pictures_are_small_and_shown() -> None:
+    pictures = sorted((ROOT / "docs/pictures").glob("*"))
+    sizes = [picture.stat().st_size for picture in pictures]
+    assert max(sizes) < 150_000
+    assert sum(sizes) < 600_000
+    assert set(pictures) <= {target for page in PAGES for target, _ in _links(page)}
+
+
 @_of(PROSE)
 def test_every_path_and_module_that_a_page_names_exists(page: Path) -> None:
     no_paths = {"vnav/datasets", "benchmarks/NAME.py"}  # a folder of the user's cache, any name
