@@ -22,6 +22,7 @@ COMMANDS = {
     "score": "score",
     "evaluate": "evaluate",
     "check": "check",
+    "config": "config",
     "info": "info",
     "export": "export",
     "report": "report",

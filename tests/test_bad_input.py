@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from vnav.cli.main import main
-from vnav.io.store.map_folder import FORMAT
+from vnav.io.store.map_folder import FORMAT, MapFolder
 
 FRAMES = 16  # enough of the tiny capture for a map
 
@@ -140,6 +140,42 @@ def test_a_map_that_cannot_be_written_is_named(place: str, vnav: Vnav, capture: 
 def test_an_unknown_setting_is_named_before_any_work(vnav: Vnav, capture: Path) -> None:
     said = fails(vnav, capture, "--set", "odometry.max_depht_m=4")
     assert "did you mean 'odometry.max_depth_m'" in said
+
+
+@pytest.mark.parametrize(
+    "setting",
+    ["registration.ratio=-5", "fuse.voxel_m=0", "locate.min_confidence=7", "locate.solver=foo"],
+)
+@pytest.mark.parametrize(
+    "command",
+    [
+        ("build-map", "capture", "--map", "new"),
+        ("odometry", "capture", "--map", "new"),
+        ("locate", "photo.jpg", "--map", "map"),
+        ("plan", "--from", "0,0", "--to", "photo.jpg", "--map", "map"),
+        ("evaluate", "suite.toml", "--out", "new"),
+    ],
+    ids=lambda command: command[0],
+)
+def test_a_bad_setting_stops_a_command_before_any_work(
+    command: tuple[str, ...],
+    setting: str,
+    vnav: Vnav,
+    capture: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    folder = capture.parent
+    monkeypatch.chdir(folder)
+    MapFolder.create(folder / "map")
+    shutil.copy(next((capture / "rgb").iterdir()), folder / "photo.jpg")
+    (folder / "suite.toml").write_text('[[sequence]]\nname = "a"\ncapture = "capture"\n')
+    before = sorted(folder.rglob("*"))
+    code, out, err = vnav(*command, "--set", setting)
+    name, _, value = setting.partition("=")
+    assert (code, out, err.count("\n")) == (1, "", 1)
+    assert f"expected {name} to be " in err
+    assert value in err
+    assert sorted(folder.rglob("*")) == before
 
 
 def test_a_truncated_image_is_skipped_and_named(vnav: Vnav, capture: Path) -> None:

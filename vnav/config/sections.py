@@ -25,7 +25,10 @@ class CaptureConfig(Section, path="capture"):
         0.0, "[0, 1000000]", "1/m", "units of stored depth; 0: those of the camera"
     )
     frame_rate_hz: float = number(
-        30.0, "(0, 10000]", "Hz", "of captures whose frames have a number and no time"
+        30.0,
+        "[0.01, 10000]",
+        "Hz",
+        "frame rate of a capture whose frames have numbers and no times",
     )
 
 
@@ -34,7 +37,7 @@ class SiftConfig(Section, path="features.sift"):
     """The front-end SIFT."""
 
     contrast_threshold: float = number(
-        0.015, "[0, 1]", "grey level / 255", "features of less contrast are not used"
+        0.015, "[0, 1]", "grey level / 255", "features with less contrast are not used"
     )
     few_features: int = whole(
         400,
@@ -53,7 +56,7 @@ class SiftConfig(Section, path="features.sift"):
         10.0,
         "[1, 1000]",
         "ratio",
-        "features with a larger ratio of curvatures lie on edges and are not used",
+        "features with a larger ratio of principal curvatures lie on edges and are not used",
     )
     root_sift: bool = flag(True, "RootSIFT descriptors instead of plain SIFT")
 
@@ -64,7 +67,10 @@ class FeaturesConfig(Section, path="features"):
 
     front_end: str = choice("sift", lambda: ("sift",), "what finds and describes features")
     max_features: int = whole(
-        1500, "[1, 100000]", "features", "the strongest so many of a frame are kept"
+        1500,
+        "[1, 100000]",
+        "features",
+        "largest number of features of a frame; the strongest are kept",
     )
     sift: SiftConfig = section(SiftConfig)
 
@@ -74,7 +80,10 @@ class RegistrationConfig(Section, path="registration"):
     """Two frames to a relative pose."""
 
     ratio: float = number(
-        0.8, "(0, 1]", "ratio", "a match has less than this ratio of nearest to second distance"
+        0.8,
+        "(0, 1]",
+        "ratio",
+        "a match has a smaller ratio of nearest to second-nearest descriptor distance",
     )
     mutual: bool = flag(True, "a match is the nearest descriptor seen from either frame")
     max_distance: float = number(
@@ -87,10 +96,13 @@ class RegistrationConfig(Section, path="registration"):
         40.0,
         "(0, 10000]",
         "px",
-        "about where the last motion predicts a feature, matches are sought",
+        "matches are first sought within this distance of where the last motion predicts them",
     )
     search_features: int = whole(
-        400, "[3, 100000]", "features", "the strongest so many are sought near the prediction"
+        400,
+        "[3, 100000]",
+        "features",
+        "number of features that are sought near the prediction; the strongest are taken",
     )
     search_min_inlier_share: float = number(
         0.85,
@@ -102,15 +114,15 @@ class RegistrationConfig(Section, path="registration"):
         8.0,
         "(0, 10000]",
         "px",
-        "with the motion found, matches are sought again so near to where it predicts them",
+        "with the motion found, matches are sought again within this distance of its prediction",
         rule="<= search_radius_px",
     )
     pixel_sigma_px: float = number(
-        1.0, "(0, 100]", "px", "standard deviation of a keypoint's place in the image"
+        1.0, "[0.01, 100]", "px", "standard deviation of a keypoint's place in the image"
     )
     depth_sigma_per_m2: float = number(
         0.0014,
-        "(0, 1]",
+        "[0.000001, 1]",
         "m/m2",
         "axial depth noise: its standard deviation is this times depth squared (Khoshelham 2012)",
     )
@@ -121,7 +133,7 @@ class RegistrationConfig(Section, path="registration"):
         5,
         "[3, 101]",
         "px",
-        "window tried instead where the other one holds a depth edge",
+        "window that is tried where depth_window_px holds a depth edge",
         odd=True,
         rule="<= depth_window_px",
     )
@@ -129,9 +141,11 @@ class RegistrationConfig(Section, path="registration"):
         True, "a match counts although only one of its keypoints has depth"
     )
     ransac_threshold_px: float = number(
-        4.0, "(0, 1000]", "px", "largest reprojection error of an inlier"
+        4.0, "[0.01, 1000]", "px", "largest reprojection error of an inlier"
     )
-    ransac_iterations: int = whole(200, "[1, 1000000]", "samples", "samples of three matches")
+    ransac_iterations: int = whole(
+        200, "[1, 1000000]", "samples", "largest number of samples of three matches"
+    )
     min_inliers: int = whole(15, "[3, 100000]", "matches", "a pose with fewer inliers is rejected")
     min_inlier_share: float = number(
         0.15, "[0, 1]", "share", "a pose with a smaller share of inliers is rejected"
@@ -160,16 +174,19 @@ class OdometryConfig(Section, path="odometry"):
         10,
         "[0, 1000]",
         "keyframes",
-        "tried, newest first, when the frame before and the last keyframe fail",
+        "number that is tried, newest first, when the frame before and the last keyframe fail",
     )
     similar_keyframes: int = whole(
-        5, "[0, 1000]", "keyframes", "tried after those, the most similar in appearance first"
+        5,
+        "[0, 1000]",
+        "keyframes",
+        "number that is tried after those, the most similar in appearance first",
     )
     max_degenerate_frames: int = whole(
         30,
         "[0, 100000]",
         "frames",
-        "so many in a row may be held by their pixels although some direction is not observed",
+        "largest number in a row that their pixels hold, but not in every direction",
     )
 
 
@@ -177,13 +194,15 @@ class OdometryConfig(Section, path="odometry"):
 class VocabularyConfig(Section, path="vocabulary"):
     """The vocabulary tree."""
 
-    branching: int = whole(10, "[2, 1000]", "children", "clusters that a node is split into")
+    branching: int = whole(
+        10, "[2, 1000]", "children", "number of clusters that a node is split into"
+    )
     max_levels: int = whole(5, "[1, 20]", "levels", "depth of the tree below its root")
     max_descriptors: int = whole(
         500_000,
         "[1, 100000000]",
         "descriptors",
-        "trained on: a word of a large map holds as few landmarks as one of a small map",
+        "largest number that the tree is trained on",
     )
     min_leaf: int = whole(50, "[2, 1000000]", "descriptors", "a node with fewer is not split")
 
@@ -192,9 +211,14 @@ class VocabularyConfig(Section, path="vocabulary"):
 class LoopsConfig(Section, path="loops"):
     """Loop candidates and their verification."""
 
-    candidates: int = whole(5, "[0, 1000]", "keyframes", "verified for each, by appearance")
+    candidates: int = whole(
+        5, "[0, 1000]", "keyframes", "number of loop candidates by appearance, for each keyframe"
+    )
     min_relative_score: float = number(
-        0.3, "[0, 1]", "share", "of the similarity of neighbouring keyframes that a candidate needs"
+        0.3,
+        "[0, 1]",
+        "share",
+        "a candidate needs this share of the similarity of neighbouring keyframes",
     )
     exclude_s: float = number(5.0, "[0, 1000000]", "s", "keyframes nearer in time make no loop")
     min_inliers: int = whole(25, "[3, 100000]", "matches", "a loop with fewer inliers is rejected")
@@ -205,17 +229,19 @@ class LoopsConfig(Section, path="loops"):
         0.3,
         "[0, 90]",
         "deg",
-        "added to a loop's noise: what an imperfect calibration and a rolling shutter turn",
+        "added to a loop's noise in rotation, for imperfect calibration and rolling shutter",
     )
-    sigma_m: float = number(0.015, "[0, 100]", "m", "added likewise: what they move")
+    sigma_m: float = number(
+        0.015, "[0, 100]", "m", "added to a loop's noise in translation, for the same reason"
+    )
     proximity_rounds: int = whole(
-        2, "[0, 100]", "rounds", "searches for keyframes that see the same by their poses"
+        2, "[0, 100]", "rounds", "number of searches for keyframes that see the same by their poses"
     )
     proximity_overlap: float = number(
-        0.3, "(0, 1]", "share", "of the view that both keyframes must see"
+        0.3, "(0, 1]", "share", "share of the view that two such keyframes must have in common"
     )
     proximity_candidates: int = whole(
-        8, "[0, 1000]", "keyframes", "verified for each in a round, by overlap of their views"
+        8, "[0, 1000]", "keyframes", "number of such candidates in a round, for each keyframe"
     )
 
 
@@ -230,9 +256,14 @@ class OptimiseConfig(Section, path="optimise"):
         "a loop closure farther off after the pose graph is optimised is wrong",
     )
     bundle_rounds: int = whole(
-        2, "[1, 100]", "rounds", "of bundle adjustment; each ends by removing outliers"
+        2,
+        "[1, 100]",
+        "rounds",
+        "rounds of bundle adjustment; each ends with the removal of outliers",
     )
-    bundle_iterations: int = whole(10, "[1, 1000]", "iterations", "of the last round")
+    bundle_iterations: int = whole(
+        10, "[1, 1000]", "iterations", "largest number of iterations of the last round"
+    )
     min_shared_landmarks: int = whole(
         30,
         "[0, 1000000]",
@@ -251,7 +282,10 @@ class FuseConfig(Section, path="fuse"):
     """Cloud, octree, mesh and grid."""
 
     max_range_m: float = number(
-        4.0, "(0, 13.1]", "m", "farther depth is not fused: it is too noisy; more cannot be stored"
+        4.0,
+        "[0.01, 13.1]",
+        "m",
+        "farther depth is too noisy to be fused; a map stores depth up to 13.1 m",
     )
     edge_per_m: float = number(
         0.015, "(0, 10]", "1/m", "inverse depth that bends more from pixel to pixel is an edge"
@@ -282,7 +316,10 @@ class IndexConfig(Section, path="index"):
         10, "[1, 1000000]", "landmarks", "keyframes that share so many are covisible"
     )
     neighbours: int = whole(
-        100, "[1, 10000]", "landmarks", "nearest in space, where a match is completed"
+        100,
+        "[1, 10000]",
+        "landmarks",
+        "number of landmarks nearest to a match, which are searched next",
     )
 
 
@@ -294,41 +331,59 @@ class LocateConfig(Section, path="locate"):
         1600, "[64, 100000]", "px", "longer side of a photo; a larger one is scaled down"
     )
     max_features: int = whole(
-        3000, "[1, 100000]", "features", "the strongest so many of a photo are kept"
+        3000,
+        "[1, 100000]",
+        "features",
+        "largest number of features of a photo; the strongest are kept",
     )
     min_features: int = whole(30, "[1, 100000]", "features", "a photo with fewer is not located")
     level_2d_3d: int = whole(
         5,
         "[0, 20]",
         "level",
-        "of the tree that photo to map is searched at: root = 0, clamped to the tree",
+        "tree level of the search from photo to map; the root is 0; clamped to the tree",
     )
-    level_3d_2d: int = whole(2, "[0, 20]", "level", "the same from map to photo")
+    level_3d_2d: int = whole(2, "[0, 20]", "level", "tree level of the search from map to photo")
     ratio_2d_3d: float = number(
-        0.75, "(0, 1]", "ratio", "of nearest to second distance, from photo to map"
+        0.75, "(0, 1]", "ratio", "ratio test of the search from photo to map"
     )
-    ratio_3d_2d: float = number(0.75, "(0, 1]", "ratio", "the same from map to photo")
+    ratio_3d_2d: float = number(
+        0.75, "(0, 1]", "ratio", "ratio test of the search from map to photo"
+    )
     enough_matches: int = whole(
-        100, "[1, 100000]", "matches", "in one place; the search ends there"
+        100, "[1, 100000]", "matches", "the search ends when one place has so many"
     )
     max_clusters: int = whole(
-        8, "[1, 1000]", "clusters", "covisibility clusters that the search goes on in"
+        8,
+        "[1, 1000]",
+        "clusters",
+        "largest number of covisibility clusters in which the search goes on",
     )
     solver: str = choice(
         "auto",
         lambda: ("auto", "p3p", "dlt"),
-        "of the pose; auto: p3p where the focal length is known, else dlt",
+        "solver of the pose; auto: p3p where the focal length is known, else dlt",
     )
     pixel_sigma_px: float = number(
-        1.0, "(0, 1000]", "px", "standard deviation of a keypoint, in an image 640 px wide"
+        1.0, "[0.01, 1000]", "px", "standard deviation of a keypoint, in an image 640 px wide"
     )
     ransac_threshold_px: float = number(
-        6.0, "(0, 1000]", "px", "largest reprojection error of an inlier, in an image 640 px wide"
+        6.0,
+        "[0.01, 1000]",
+        "px",
+        "largest reprojection error of an inlier, in an image 640 px wide",
     )
-    ransac_iterations: int = whole(1000, "[1, 1000000]", "samples", "minimal sets at most")
-    min_inliers: int = whole(12, "[4, 100000]", "matches", "a pose needs in one place")
+    ransac_iterations: int = whole(
+        1000, "[1, 1000000]", "samples", "largest number of minimal samples"
+    )
+    min_inliers: int = whole(
+        12, "[4, 100000]", "matches", "a photo with fewer in every place is not located"
+    )
     min_confidence: float = number(
-        0.95, "(0, 1)", "probability", "that the pose is right; with less none is given"
+        0.95,
+        "(0, 1)",
+        "probability",
+        "least probability that the pose is right; with less none is given",
     )
 
 
@@ -336,9 +391,12 @@ class LocateConfig(Section, path="locate"):
 class PlanConfig(Section, path="plan"):
     """The path and the robot that follows it."""
 
-    robot_radius_m: float = number(0.20, "[0, 100]", "m", "of the robot, seen from above")
+    robot_radius_m: float = number(0.20, "[0, 100]", "m", "radius of the robot, seen from above")
     tolerance_m: float = number(
-        0.50, "[0, 100]", "m", "start and goal may be moved so far to where the robot can be"
+        0.50,
+        "[0, 100]",
+        "m",
+        "largest distance that start and goal are moved to where the robot can be",
     )
     clearance_weight: float = number(
         1.0, "[0, 1000]", "factor", "a metre where the robot just fits costs 1 + this"
@@ -347,9 +405,14 @@ class PlanConfig(Section, path="plan"):
         0.30, "[0.001, 100]", "m", "more clearance than this beyond the robot's is worth nothing"
     )
     max_uncertainty_m: float = number(
-        0.05, "[0, 100]", "m", "of the map, that obstacles are inflated by: more would close doors"
+        0.05,
+        "[0, 100]",
+        "m",
+        "largest uncertainty of the map that obstacles are inflated by; more would close doors",
     )
-    spacing_m: float = number(0.05, "[0.001, 100]", "m", "largest distance of the path's points")
+    spacing_m: float = number(
+        0.05, "[0.001, 100]", "m", "largest distance between points of the path"
+    )
     allow_unknown: bool = flag(False, "the path may cross space that was never seen")
     unknown_cost: float = number(
         3.0, "[1, 1000]", "factor", "a metre of unknown space costs this times a free one"
@@ -360,7 +423,7 @@ class PlanConfig(Section, path="plan"):
 class Config(Section, path=""):
     """All settings of a run."""
 
-    seed: int = whole(0, "[0, 4294967295]", "1", "where all random numbers of a run begin")
+    seed: int = whole(0, "[0, 4294967295]", "number", "where all random numbers of a run begin")
     capture: CaptureConfig = section(CaptureConfig)
     features: FeaturesConfig = section(FeaturesConfig)
     registration: RegistrationConfig = section(RegistrationConfig)

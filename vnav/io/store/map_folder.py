@@ -155,6 +155,11 @@ class MapFolder:
         settings: dict[str, Any] = _read_json(self.stage(stage) / "stage.json")["settings"]
         return settings
 
+    def recorded(self, stage: str) -> dict[str, Any]:
+        """What a stage, stale or not, was made by and from; empty where it is missing."""
+        path = self.root / stage / "stage.json"
+        return _read_json(path) if path.is_file() else {}
+
     def has(self, stage: str) -> bool:
         """Whether a stage is finished and its inputs are those it was made from."""
         try:
