@@ -9,11 +9,8 @@ import pytest
 
 ROOT = Path(__file__).parent.parent
 DOCS = sorted((ROOT / "docs").glob("*.md"))
-ROOT_PAGES = [p for p in sorted(ROOT.glob("*.md")) if p.name != "CHANGELOG.md"]
-PAGES = [*ROOT_PAGES, *DOCS]
-MADE = {"results.md", "settings.md"}  # by a command, from numbers and from vnav/config
-OF_OTHERS = {"log.md", "api.md"}
-PROSE = [page for page in PAGES if page.name not in MADE | OF_OTHERS]
+PAGES = [*sorted(ROOT.glob("*.md")), *DOCS]
+WITHOUT_COMMITS = [page for page in PAGES if page.name != "results.md"]  # says what was measured
 
 MOST_WORDS = 30
 FENCED = re.compile(r"^ *```.*?^ *```", re.M | re.S)
@@ -70,14 +67,14 @@ def _links(page: Path) -> list[tuple[Path, str]]:
     return [((page.parent / path).resolve() if path else page, at) for path, _, at in parts]
 
 
-@_of(PROSE)
+@_of(PAGES)
 def test_no_sentence_is_longer_than_thirty_words(page: Path) -> None:
     counted = [(len(sentence.split()), sentence) for sentence in _sentences(page)]
     assert counted
     assert not [(words, sentence) for words, sentence in counted if words > MOST_WORDS]
 
 
-@_of(PROSE)
+@_of(WITHOUT_COMMITS)
 def test_no_commit_is_named_in_prose(page: Path) -> None:
     assert not COMMIT.findall(_text(page))
 
@@ -102,7 +99,7 @@ def test_pictures_are_small_and_shown() -> None:
     assert set(pictures) <= {target for page in PAGES for target, _ in _links(page)}
 
 
-@_of(PROSE)
+@_of(PAGES)
 def test_every_path_and_module_that_a_page_names_exists(page: Path) -> None:
     no_paths = {"vnav/datasets", "benchmarks/NAME.py"}  # a folder of the user's cache, any name
     paths = set(PATH.findall(_text(page))) - no_paths
