@@ -6,6 +6,7 @@ from importlib import import_module
 import click
 
 from vnav import __version__
+from vnav.cli import logs
 from vnav.errors import VnavError
 
 COMMANDS = {
@@ -45,6 +46,7 @@ class LazyGroup(click.Group):
             return None
         module = import_module(f"vnav.cli.{COMMANDS[cmd_name]}")
         command: click.Command = getattr(module, cmd_name.replace("-", "_"))
+        logs.add_options(command)
         return command
 
 

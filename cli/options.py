@@ -8,7 +8,8 @@ from typing import Any, TypeVar
 
 import click
 
-from vnav.core.progress import Progress
+from vnav.cli.logs import is_quiet
+from vnav.core.progress import Progress, silent
 
 Command = TypeVar("Command", bound=Callable[..., Any])
 
@@ -70,19 +71,43 @@ def require_one_way(jobs: int | None, scheduler: str) -> None:
         raise click.UsageError("expected --jobs or --scheduler, found both")
 
 
+def warn(warning: str) -> None:
+    """A warning on stderr."""
+    click.echo(f"vnav: warning: {warning}", err=True)
+
+
 def console_progress() -> Progress:
     """Progress on stderr: one line that rewrites itself, or sparse lines into a file."""
-    started = time.monotonic()
-    shown: dict[str, float] = {}
-    live = sys.stderr.isatty()
+    return silent if is_quiet() else _ConsoleProgress()
 
-    def show(task: str, done: int, total: int) -> None:
+
+class _ConsoleProgress:
+    """How far each task is, how fast it goes, and how long it will take."""
+
+    def __init__(self) -> None:
+        self._live = sys.stderr.isatty()
+        self._started: dict[str, tuple[float, int]] = {}  # of each task: when, and what was done
+        self._shown: dict[str, float] = {}
+
+    def __call__(self, task: str, done: int, total: int) -> None:
         now = time.monotonic()
-        if done < total and now - shown.get(task, started - 60) < (0.1 if live else 10.0):
+        start_s, first = self._started.setdefault(task, (now, done))
+        wait_s = 0.1 if self._live else 10.0
+        if done < total and now - self._shown.get(task, now - 60) < wait_s:
             return
-        shown[task] = now
-        end = "\n" if done >= total or not live else ""
-        line = f"{task}: {done}/{total}  ({now - started:.0f} s)"
-        click.echo(("\r\x1b[K" if live else "") + line + end, err=True, nl=False)
+        self._shown[task] = now
+        end = "\n" if done >= total or not self._live else ""
+        line = f"{task}: {done}/{total}{pace(done - first, total - done, now - start_s)}"
+        click.echo(("\r\x1b[K" if self._live else "") + line + end, err=True, nl=False)
 
-    return show
+
+def pace(done: int, left: int, seconds: float) -> str:
+    """Rate and time left, or time taken where nothing is left; empty while it cannot be told."""
+    if left <= 0:
+        return f"  ({seconds:.0f} s)"
+    if done <= 0 or seconds < 1:
+        return ""
+    rate = done / seconds
+    left_s = left / rate
+    remaining = f"{left_s:.0f} s" if left_s < 90 else f"{left_s / 60:.0f} min"
+    return f"  {rate:.3g}/s, {remaining} left"

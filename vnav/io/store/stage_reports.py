@@ -1,6 +1,7 @@
 """What every stage of a map shares: its recorded settings, and its report."""
 
 import dataclasses
+import logging
 import re
 import resource
 import time
@@ -24,7 +25,18 @@ def reused(folder: MapFolder, stage: str) -> Report:
     """The last report of a stage that is up to date."""
     last = folder.report(stage)
     lines, warnings = tuple(last.get("lines", ())), tuple(last.get("warnings", ()))
-    return Report(stage, last.get("values", {}), lines, warnings, reused=True)
+    report = Report(stage, last.get("values", {}), lines, warnings, reused=True)
+    _log(report)
+    return report
+
+
+def _log(report: Report) -> None:
+    """A line of the stage's log for each of its report's."""
+    log = logging.getLogger(f"vnav.stages.{report.stage}")
+    took = "up to date" if report.reused else f"{report.seconds:.1f} s"
+    log.info("%s (%s)", "; ".join(report.lines), took)
+    for warning in report.warnings:
+        log.warning(warning)
 
 
 def clock() -> Clock:
@@ -37,6 +49,7 @@ def finished(folder: MapFolder, report: Report, started: Clock) -> Report:
     wall_s, cpu_s = (round(end - begin, 3) for begin, end in zip(started, clock(), strict=True))
     report = dataclasses.replace(report, seconds=wall_s, cpu_seconds=cpu_s)
     folder.write_report(report.stage, report.as_dict())
+    _log(report)
     return report
 
 

@@ -1,0 +1,94 @@
+"""What a command says of its work, and where."""
+
+import logging
+from pathlib import Path
+
+import click
+import pytest
+from click.testing import CliRunner, Result
+
+from vnav.cli.logs import NOTICES, add_options
+from vnav.cli.options import console_progress, pace
+
+
+@pytest.fixture
+def command() -> click.Command:
+    @click.command()
+    def work() -> None:
+        logging.getLogger("vnav.stages.odometry").info("60 of 60 frames tracked")
+        logging.getLogger(NOTICES[0]).info("compiling, once")
+        progress = console_progress()
+        progress("odometry", 60, 60)
+        click.echo("the result")
+
+    add_options(work)
+    return work
+
+
+def run(command: click.Command, *arguments: object) -> Result:
+    return CliRunner().invoke(command, [str(a) for a in arguments], catch_exceptions=False)
+
+
+def test_without_options_there_are_progress_and_notices_but_no_log(command: click.Command) -> None:
+    said = run(command)
+    assert said.stdout == "the result\n"
+    assert "odometry: 60/60" in said.stderr
+    assert "vnav: compiling, once\n" in said.stderr
+    assert "frames tracked" not in said.stderr
+
+
+def test_verbose_logs_every_step_with_time_and_module(command: click.Command) -> None:
+    said = run(command, "-v")
+    assert "INFO vnav.stages.odometry: 60 of 60 frames tracked" in said.stderr
+    assert said.stdout == "the result\n"
+
+
+def test_quiet_leaves_results_only(command: click.Command) -> None:
+    said = run(command, "-q")
+    assert (said.stdout, said.stderr) == ("the result\n", "")
+
+
+def test_a_log_file_is_appended_to(command: click.Command, tmp_path: Path) -> None:
+    for _ in range(2):
+        run(command, "--log-file", tmp_path / "log.txt")
+    lines = (tmp_path / "log.txt").read_text("utf-8").splitlines()
+    assert [line.split("vnav.")[1] for line in lines] == 2 * [
+        "stages.odometry: 60 of 60 frames tracked",
+        "compiled: compiling, once",
+    ]
+
+
+def test_a_log_file_that_cannot_be_written_is_wrong_usage(
+    command: click.Command, tmp_path: Path
+) -> None:
+    said = run(command, "--log-file", tmp_path / "none" / "log.txt")
+    assert said.exit_code == 2
+    assert "expected a file that can be written" in said.stderr
+
+
+def test_no_handler_outlives_its_command(command: click.Command) -> None:
+    before = list(logging.getLogger("vnav").handlers)
+    run(command, "-v")
+    assert logging.getLogger("vnav").handlers == before
+
+
+@pytest.mark.parametrize(
+    ("done", "left", "seconds", "expected"),
+    [
+        (20, 100, 10.0, "  2/s, 50 s left"),
+        (1, 599, 2.0, "  0.5/s, 20 min left"),
+        (0, 100, 10.0, ""),
+        (5, 100, 0.5, ""),
+        (100, 0, 12.4, "  (12 s)"),
+    ],
+)
+def test_progress_tells_rate_and_time_left(
+    done: int, left: int, seconds: float, expected: str
+) -> None:
+    assert pace(done, left, seconds) == expected
+
+
+def test_a_command_that_is_asked_for_again_has_its_options_once(command: click.Command) -> None:
+    before = list(command.params)
+    add_options(command)
+    assert command.params == before
