@@ -94,7 +94,7 @@ def asked(
     folder: MapFolder, photos: list[Path], truth: dict[str, NDArray[np.float64]]
 ) -> list[Asked]:
     """Every photo asked of a map; one without a true pose is from elsewhere."""
-    locator, found = Locator(folder, Config()), []
+    locator, found = Locator.open(folder, Config()), []
     for n, path in enumerate(photos):
         answer = locator.locate(path)
         hypotheses, true = answer.result.hypotheses, truth.get(path.name)

@@ -140,7 +140,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     add_record_option(parser)
     options = parser.parse_args(arguments)
     folder = MapFolder.open(options.map)
-    truth, locator = true_poses(folder, options.capture), Locator(folder, Config())
+    truth, locator = true_poses(folder, options.capture), Locator.open(folder, Config())
     photos = photos_of(options.capture)[:: options.every]
     k = read_color(options.capture / "photos" / "camera.toml")
     found: list[Measurement] = []

@@ -160,7 +160,7 @@ def is_right(T_world_camera: Array | None, true: Array) -> bool:
 def photos_of_case(case: Case, every: int) -> tuple[list[Measurement], list[Measurement]]:
     """Ask a case's photos: what it took, and how many poses are right."""
     config = Config()
-    locator, exhaustive = Locator(case.folder, config, case.camera), Exhaustive(case.folder)
+    locator, exhaustive = Locator.open(case.folder, config, case.camera), Exhaustive(case.folder)
     photos, rows = case.photos[::every], []
     locator.locate(photos[0])  # what is only done once is done
     right = np.zeros(3, int)
@@ -237,7 +237,7 @@ def growth(small: Case, large: Case) -> list[Measurement]:
     """How much longer finding takes in the larger map, each asked for its own photos."""
     found, landmarks = [], []
     for case in (small, large):
-        locator = Locator(case.folder, Config(), case.camera)
+        locator = Locator.open(case.folder, Config(), case.camera)
         locator.locate(case.photos[0])  # what is only done once is done
         landmarks.append(len(locator.database.index.points_world))
         found.append([asked(locator, photo) for photo in case.photos])

@@ -1,7 +1,6 @@
 """Make maps of captures."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import click
 
@@ -12,10 +11,7 @@ from vnav.cli.options import (
     map_option,
     require_one_way,
 )
-from vnav.cli.summary import show
-
-if TYPE_CHECKING:
-    from vnav.pipeline.build import BuiltMap
+from vnav.cli.summary import show_map
 
 capture_argument = click.argument("capture_dir", metavar="CAPTURE", type=click.Path(path_type=Path))
 camera_option = click.option(
@@ -74,9 +70,9 @@ def build_map(
     vnav build-map my_capture --map my-map
     vnav build-map monday tuesday --maps maps --jobs 2
     """
-    from vnav import api, batch, config
+    from vnav import config
+    from vnav.api.building import BuildTask, build_maps
     from vnav.core.report import Failed
-    from vnav.pipeline.build import BuildTask
 
     require_one_way(jobs, scheduler)
     if len(captures) > 1 and maps_dir is None:
@@ -95,21 +91,12 @@ def build_map(
         tasks.append(task)
 
     failed = False
-    results = batch.run(
-        api.build_map, tasks, jobs=jobs or 0, scheduler=scheduler, progress=console_progress()
-    )
-    for k, result in results:
+    progress = console_progress()
+    for task, result in build_maps(tasks, jobs=jobs or 0, scheduler=scheduler, progress=progress):
         if isinstance(result, Failed):
             failed = True
-            name = f"{tasks[k].name}: " if len(tasks) > 1 else ""
+            name = f"{task.name}: " if len(tasks) > 1 else ""
             click.echo(f"{result.traceback}vnav: {name}{result.reason}", err=True)
         else:
-            _show(tasks[k].map_dir, result)
+            show_map(task.map_dir, result)
     return int(failed)
-
-
-def _show(map_dir: Path, built: "BuiltMap") -> None:
-    for warning in built.warnings:
-        click.echo(f"vnav: warning: {warning}", err=True)
-    show(built.reports)
-    click.echo(f"map in {map_dir}, pictures in {map_dir / 'reports'}")

@@ -26,17 +26,18 @@ def check(
     Every file is read, some frames are measured. Exit code 1 where something would stop a map.
     """
     from vnav import config
-    from vnav.checking import capture_report as stage
-    from vnav.io.sources.open_capture import open_capture
+    from vnav.api.judging import check as look
+    from vnav.checking.capture_report import problems as problems_of
+    from vnav.checking.capture_report import summary
 
     resolved = config.load(config_source, settings)
-    capture = open_capture(capture_dir, resolved.capture, camera_file)
-    report = stage.inspect(capture, progress=console_progress())
-    problems = stage.problems(report)
+    progress = console_progress()
+    report = look(capture_dir, config=resolved, camera=camera_file, progress=progress)
+    problems = problems_of(report)
     if as_json:
         click.echo(json.dumps(report.as_dict() | {"problems": problems}, indent=1))
         return int(bool(problems))
-    for line in stage.summary(report):
+    for line in summary(report):
         click.echo(line)
     for warning in report.warnings:
         click.echo(f"warning  {warning}")

@@ -24,7 +24,7 @@ def demo(out: Path) -> int:
     """
     from vnav.config import Config
     from vnav.localisation.answer import summary
-    from vnav.stages.plan import summary as plan_summary
+    from vnav.reporting.plan_text import summary as plan_summary
     from vnav.synthetic import demo as chain
 
     done = chain.run(out, Config(), progress=console_progress())

@@ -52,42 +52,22 @@ def evaluate(
     vnav evaluate my_suite.toml --jobs 2 --set features.max_features=1000
     vnav evaluate tum_fr3 --scheduler tcp://10.0.0.1:8786
     """
-    from vnav import batch
+    from vnav.api.judging import evaluate as run
     from vnav.core.report import Failed
-    from vnav.evaluation import result_files as run_files
-    from vnav.evaluation import sequence as stage
-    from vnav.evaluation import stored_runs as runs
-    from vnav.io.datasets.suite_file import read_suite
-    from vnav.io.store.map_folder import write_text
-    from vnav.reporting import run_page
+    from vnav.evaluation.result_files import as_text
 
     require_one_way(jobs, scheduler)
-    suite = read_suite(suite_source)
-    tasks = stage.tasks(suite, seeds, config_source, settings)
-    runs.prepare(out)
-    outcomes = runs.finished_before(out, tasks) if resume else {}
-    if resume:
-        click.echo(f"{len(outcomes)} of {len(tasks)} runs are there already", err=True)
-    todo = [k for k in range(len(tasks)) if k not in outcomes]
-    results = batch.run(
-        stage.evaluate,
-        [tasks[k] for k in todo],
+    outcomes = run(
+        suite_source,
+        out,
+        seeds=seeds,
+        config=config_source,
+        settings=settings,
+        resume=resume,
         jobs=jobs or 1,
         scheduler=scheduler,
         progress=console_progress(),
     )
-    for n, result in results:
-        outcome = runs.Outcome(tasks[todo[n]], result)
-        runs.save(out, outcome)
-        outcomes[todo[n]] = outcome
-        click.echo(f"{len(outcomes)} of {len(tasks)} runs: {outcome.summary}", err=True)
-
-    in_order = [outcomes[k] for k in range(len(tasks))]
-    with runs.writing(out):
-        write_text(out / "results.csv", run_files.as_csv(in_order))
-        write_text(out / "results.json", run_files.as_json(suite, in_order))
-        write_text(out / "report.html", run_page.page(suite, in_order))
-    for line in run_files.as_text(in_order):
+    for line in as_text(outcomes):
         click.echo(line)
-    click.echo(f"report in {out / 'report.html'}", err=True)
-    return int(any(isinstance(outcome.result, Failed) for outcome in in_order))
+    return int(any(isinstance(outcome.result, Failed) for outcome in outcomes))

@@ -22,13 +22,12 @@ import click
 )
 def export(map_dir: Path, out: Path, **formats: str | None) -> None:
     """Write parts of the map in the folder MAP, in the formats asked for; several at once."""
-    from vnav.io.store import export as stage
-    from vnav.io.store.map_folder import MapFolder
+    from vnav.api.map import open_map
 
     wanted = {kind: form for kind, form in formats.items() if form is not None}
     if not wanted:
         names = ", ".join(f"--{kind}" for kind in formats)
         raise click.UsageError(f"expected at least one of {names}")
-    for kind, paths in stage.export(MapFolder.open(map_dir), out, wanted).items():
+    for kind, paths in open_map(map_dir).export(out, wanted).items():
         for path in paths:
             click.echo(f"{kind:12}{path} ({path.stat().st_size / 1e6:.2f} MB)")

@@ -6,7 +6,7 @@ import click
 
 from vnav.cli.build_map import camera_option, capture_argument
 from vnav.cli.options import config_options, console_progress
-from vnav.cli.summary import show
+from vnav.cli.summary import show_map
 
 
 @click.command()
@@ -37,16 +37,18 @@ def extend(
     vnav extend house kitchen
     vnav extend house bedroom --camera phone.toml
     """
-    from vnav import api, config
-    from vnav.io.sources.open_capture import open_capture
-    from vnav.io.store.map_folder import MapFolder
-    from vnav.pipeline.extend import made_with
+    from vnav import config
+    from vnav.api.building import extend_map
+    from vnav.api.map import open_map
 
-    folder = MapFolder.open(map_dir)
-    resolved = config.load(config_source, settings, made_with(folder))
-    capture = open_capture(capture_dir, resolved.capture, camera_file)
-    extended = api.extend_map(folder, capture, resolved, force=force, progress=console_progress())
-    for warning in extended.warnings:
-        click.echo(f"vnav: warning: {warning}", err=True)
-    show(extended.reports)
-    click.echo(f"map in {map_dir}, pictures in {map_dir / 'reports'}")
+    base = open_map(map_dir).config()
+    extended = extend_map(
+        map_dir,
+        capture_dir,
+        config=config.load(config_source, settings, base),
+        camera=camera_file,
+        force=force,
+        progress=console_progress(),
+    )
+    assert extended.built is not None
+    show_map(map_dir, extended.built)

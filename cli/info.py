@@ -13,10 +13,9 @@ import click
 @click.option("--json", "as_json", is_flag=True, help="Print everything as one JSON object.")
 def info(map_dir: Path, as_json: bool) -> None:
     """Print what the map in the folder MAP holds, and which of its stages are up to date."""
-    from vnav.io.store.map_folder import MapFolder
-    from vnav.io.store.overview import overview
+    from vnav.api.map import open_map
 
-    values = overview(MapFolder.open(map_dir))
+    values = open_map(map_dir).info()
     if as_json:
         click.echo(json.dumps(values, indent=1))
         return

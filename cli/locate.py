@@ -3,7 +3,6 @@
 import json
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import click
 
@@ -13,11 +12,8 @@ from vnav.cli.options import (
     console_progress,
     map_option,
     require_one_way,
+    warn,
 )
-
-if TYPE_CHECKING:
-    from vnav.localisation.answer import PhotoAnswer, UnreadablePhoto
-    from vnav.pipeline.locate_many import LocateTask
 
 CAMERA_HELP = (
     "Camera of the photos, a camera.toml, or 'auto' to estimate it. Without it: camera.toml beside"
@@ -64,29 +60,28 @@ def locate(
     vnav locate thousands/ --json --scheduler tcp://10.0.0.1:8786
     """
     from vnav import config
-    from vnav.io.photos.photos import AUTO, find_photos
-    from vnav.io.store.map_folder import MapFolder
+    from vnav.api.map import open_map
+    from vnav.io.photos.photos import find_photos
     from vnav.localisation.answer import PhotoAnswer, UnreadablePhoto, summary
-    from vnav.pipeline import locate_many as many
-    from vnav.reporting import overlay as picture
     from vnav.reporting.photo_table import write_csv
-    from vnav.stages import locate as stage
 
     require_one_way(jobs, scheduler)
-    folder, resolved = MapFolder.open(map_dir), config.load(config_source, settings)
-    of_all = Path(camera).absolute() if camera not in (None, AUTO) else camera
-    locator = stage.Locator(folder, resolved, of_all)
+    mapped, resolved = open_map(map_dir), config.load(config_source, settings)
     paths, alone = find_photos(photos), len(photos) == 1 and not photos[0].is_dir()
-    answers: list[PhotoAnswer | UnreadablePhoto] = []
+    answers: list[PhotoAnswer | UnreadablePhoto]
     if alone:
-        answers.append(locator.locate(paths[0]))
-    elif jobs or scheduler:
-        asked = [path.absolute() for path in paths] if scheduler else paths
-        shares = many.shares(asked, jobs or 0)
-        tasks = [many.LocateTask(share, map_dir.absolute(), resolved, of_all) for share in shares]
-        answers += _shared_out(tasks, jobs or 0, scheduler)
+        answers = [mapped.locate(paths[0], camera=camera, config=resolved, remember=True)]
     else:
-        answers += stage.locate(locator, paths, progress=console_progress())
+        answers = list(
+            mapped.locate_all(
+                paths,
+                camera=camera,
+                config=resolved,
+                jobs=jobs or 0,
+                scheduler=scheduler,
+                progress=console_progress(),
+            )
+        )
 
     said = [answer.as_dict() for answer in answers] if as_json else []
     if as_json:
@@ -94,38 +89,15 @@ def locate(
     for answer in answers:
         if not as_json:
             click.echo(summary(answer))
-        if isinstance(answer, UnreadablePhoto):
-            continue
-        for warning in answer.warnings:
-            click.echo(f"vnav: warning: {warning}", err=True)
-        if overlay:
-            file = overlay if alone else overlay / f"{answer.path.stem}.jpg"
-            picture.draw(answer, locator.database, file)
+        if isinstance(answer, PhotoAnswer):
+            for warning in answer.warnings:
+                warn(warning)
+            if overlay:
+                file = overlay if alone else overlay / f"{answer.path.stem}.jpg"
+                mapped.draw_photo(answer, file)
     if csv_file:
         write_csv(csv_file, answers)
-    if alone and (problem := stage.remember(folder, answers[0])):
-        click.echo(f"vnav: warning: {problem}", err=True)
     return _exit_code(answers)
-
-
-def _shared_out(
-    tasks: "list[LocateTask]", jobs: int, scheduler: str
-) -> "list[PhotoAnswer | UnreadablePhoto]":
-    """Answers in the order of the photos, found in processes or on a cluster."""
-    from vnav import batch
-    from vnav.core.report import Failed
-    from vnav.localisation.answer import UnreadablePhoto
-    from vnav.pipeline.locate_many import locate_photos
-
-    found: dict[int, list[PhotoAnswer | UnreadablePhoto]] = {}
-    progress, count = console_progress(), sum(len(task.photos) for task in tasks)
-    for k, result in batch.run(locate_photos, tasks, jobs=jobs, scheduler=scheduler):
-        if isinstance(result, Failed):
-            click.echo(result.traceback, err=True, nl=False)
-            result = [UnreadablePhoto(path, result.reason) for path in tasks[k].photos]
-        found[k] = result
-        progress("locate", sum(map(len, found.values())), count)
-    return [answer for k in range(len(tasks)) for answer in found[k]]
 
 
 def _exit_code(answers: Sequence[object]) -> int:

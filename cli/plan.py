@@ -8,7 +8,7 @@ from typing import Any
 import click
 
 from vnav.cli.locate import CAMERA_HELP
-from vnav.cli.options import config_options, map_option
+from vnav.cli.options import config_options, map_option, warn
 
 
 @click.command()
@@ -66,35 +66,27 @@ def plan(
     vnav plan --from here.jpg --to 2.5,-1 --csv path.csv --png path.png
     """
     from vnav import config
-    from vnav.io.photos.photos import AUTO
-    from vnav.io.store.map_folder import MapFolder
-    from vnav.planning.planner import Plan
-    from vnav.stages import plan as stage
+    from vnav.api.map import open_map
+    from vnav.reporting.plan_text import summary, write_csv
 
-    resolved = config.load(config_source, settings)
     asked = {"robot_radius_m": robot_radius_m, "tolerance_m": tolerance_m}
     changes: dict[str, Any] = {name: value for name, value in asked.items() if value is not None}
     if allow_unknown:
         changes["allow_unknown"] = True
-    settings_of_plan = dataclasses.replace(resolved.plan, **changes)
-    of_all = Path(camera) if camera not in (None, AUTO) else camera
+    resolved = config.load(config_source, settings)
+    resolved = dataclasses.replace(resolved, plan=dataclasses.replace(resolved.plan, **changes))
 
-    folder = MapFolder.open(map_dir)
-    locate = stage.photo_locator(folder, resolved, of_all, _warn)
-    answer = stage.plan(folder, start, goal, settings_of_plan, locate)
-    if csv_file and isinstance(answer.plan, Plan):
-        stage.write_csv(csv_file, answer.plan)
+    mapped = open_map(map_dir)
+    answer = mapped.plan(start, goal, camera=camera, config=resolved)
+    for warning in answer.warnings:
+        warn(warning)
+    if csv_file and answer.found:
+        write_csv(csv_file, answer.found)
     if png_file:
-        from vnav.reporting.plan_picture import write_picture
-
-        write_picture(png_file, answer, settings_of_plan)
+        mapped.draw_plan(answer, png_file)
     if as_json:
         click.echo(json.dumps(answer.as_dict(), indent=1, allow_nan=False))
     else:
-        for line in stage.summary(answer, start, goal):
+        for line in summary(answer, start, goal):
             click.echo(line)
-    return 0 if isinstance(answer.plan, Plan) else 3
-
-
-def _warn(warning: str) -> None:
-    click.echo(f"vnav: warning: {warning}", err=True)
+    return 0 if answer.found else 3

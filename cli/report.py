@@ -12,7 +12,6 @@ def report(map_dir: Path) -> None:
 
     The page is one file that needs nothing else.
     """
-    from vnav.io.store.map_folder import MapFolder
-    from vnav.reporting import map_page as stage
+    from vnav.api.map import open_map
 
-    click.echo(stage.write(MapFolder.open(map_dir)))
+    click.echo(open_map(map_dir).report())

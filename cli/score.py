@@ -43,16 +43,14 @@ def score(
     Both are TUM files, lines of 'stamp tx ty tz qx qy qz qw'; TRUTH may also be a capture folder
     that comes with its truth. docs/scoring.md defines every figure.
     """
-    from vnav.config import CaptureConfig
-    from vnav.evaluation import score as stage
-    from vnav.io.formats.trajectories import read_tum
-    from vnav.io.sources.open_capture import read_truth
+    from vnav.api.judging import score as measure
+    from vnav.evaluation.score import table
 
-    estimate = read_tum(trajectory)
-    true = read_truth(truth, CaptureConfig(), camera_file)
-    result = stage.score(estimate, true, max_difference_s, frames)
+    result = measure(
+        trajectory, truth, max_difference_s=max_difference_s, frames=frames, camera=camera_file
+    )
     if as_json:
         click.echo(json.dumps(result.as_dict(), indent=1, allow_nan=False))
         return
-    for line in stage.table(result):
+    for line in table(result):
         click.echo(line)

@@ -1,6 +1,5 @@
 """The stages of a map as commands of their own; each reads what the ones before it wrote."""
 
-from importlib import import_module
 from pathlib import Path
 
 import click
@@ -26,18 +25,17 @@ def odometry(
 ) -> None:
     """Track every frame of a capture, or take given poses, and choose keyframes."""
     from vnav import config
-    from vnav.io.formats.trajectories import read_tum
-    from vnav.io.sources.open_capture import open_capture
-    from vnav.io.store.map_folder import MapFolder
-    from vnav.pipeline.build import expect_capture
-    from vnav.stages import odometry as stage
+    from vnav.api.building import track_capture
 
-    resolved = config.load(config_source, settings)
-    capture = open_capture(capture_dir, resolved.capture, camera_file)
-    given = read_tum(trajectory_file) if trajectory_file else None
-    folder = MapFolder.create(map_dir)
-    expect_capture(folder, capture)
-    show([stage.run(folder, capture, resolved, given=given, progress=console_progress())])
+    report = track_capture(
+        capture_dir,
+        map_dir,
+        config=config.load(config_source, settings),
+        camera=camera_file,
+        trajectory=trajectory_file,
+        progress=console_progress(),
+    )
+    show([report])
 
 
 def _stage_command(name: str, summary: str) -> click.Command:
@@ -47,13 +45,11 @@ def _stage_command(name: str, summary: str) -> click.Command:
     @map_option
     @config_options
     def command(map_dir: Path, config_source: str | None, settings: tuple[str, ...]) -> None:
-        from vnav import api, config
-        from vnav.io.store.map_folder import MapFolder
+        from vnav import config
+        from vnav.api.building import run_stage
 
         resolved = config.load(config_source, settings)
-        MapFolder.open(map_dir)
-        run = api.fuse if name == "fuse" else import_module(f"vnav.stages.{name}").run
-        show([run(MapFolder.create(map_dir), resolved, progress=console_progress())])
+        show([run_stage(name, map_dir, config=resolved, progress=console_progress())])
 
     return command
 

@@ -1,10 +1,24 @@
 """Stage reports as a person reads them."""
 
 from collections.abc import Iterable
+from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
+from vnav.cli.options import warn
 from vnav.core.report import Report
+
+if TYPE_CHECKING:
+    from vnav.pipeline.build import BuiltMap
+
+
+def show_map(map_dir: Path, built: "BuiltMap") -> None:
+    """Print what building a map found, and where it is."""
+    for warning in built.warnings:
+        warn(warning)
+    show(built.reports)
+    click.echo(f"map in {map_dir}, pictures in {map_dir / 'reports'}")
 
 
 def show(reports: Iterable[Report]) -> None:

@@ -8,6 +8,8 @@ from collections.abc import Iterable, Iterator
 from functools import lru_cache
 from pathlib import Path
 
+import vnav
+
 ROOT = Path(__file__).parent.parent
 
 # From the top down: a module imports from levels below its own; siblings do not import each other.
@@ -24,7 +26,7 @@ LEVELS = (
         *("io", "features", "masking", "registration"),
         *("volumes", "vocabulary", "localisation", "planning"),
     },
-    {"core", "threads"},
+    {"core", "threads", "compiled"},
     {"config", "configs", "datasets"},
     {"errors"},
     {"vnav"},  # the version
@@ -137,10 +139,32 @@ def test_imports_are_absolute_and_point_down() -> None:
         for name in names
         if name.startswith(".")
         or name.startswith("vnav")
+        and module != "vnav"  # offers what lies above, and loads it when it is asked for
         and _part(name) != _part(module)
         and _level(name) <= _level(module)
     ]
     assert not wrong
+
+
+def test_what_the_package_offers_is_for_others_inside_only_its_version_is_used() -> None:
+    inside = {
+        name
+        for names in IMPORTS.values()
+        for name in names
+        if name.startswith("vnav") and _part(name) == "vnav"
+    }
+    assert inside - set(IMPORTS["vnav"]) == {"vnav.__version__"}
+
+
+def test_the_package_offers_what_type_checkers_are_told() -> None:
+    """The names under TYPE_CHECKING, those of `__all__` and those that are found are the same."""
+    imported = {name for name in IMPORTS["vnav"] if name.startswith("vnav.")}
+    assert set(vnav.__all__) == {name for name in dir(vnav) if name in vnav.__all__}
+    assert {place.replace(":", ".") for place in vnav._PLACES.values()} <= imported
+    assert set(vnav.__all__) == set(vnav._PLACES) | {
+        name.rpartition(".")[2] for name in imported if name.startswith("vnav.errors.")
+    }
+    assert all(getattr(vnav, name) is not None for name in vnav.__all__)
 
 
 def test_a_library_is_imported_only_by_its_owners() -> None:
@@ -172,6 +196,19 @@ def test_the_command_line_is_thin() -> None:
     for module in MODULES:
         if _within(module, "vnav.cli"):
             assert LIBRARIES[module] <= {"click"}, module
+
+
+def test_the_command_line_asks_the_api() -> None:
+    """It parses, calls, and prints; what computes is not within its reach."""
+    below = {"batch", "stages", "tracking", "optimisation", "loop_closing", "registration"}
+    below |= {"features", "masking", "volumes", "vocabulary", "planning"}
+    wrong = [
+        f"{module} imports {name}"
+        for module, names in IMPORTS.items()
+        for name in names
+        if _within(module, "vnav.cli") and name.startswith("vnav.") and _part(name) in below
+    ]
+    assert not wrong
 
 
 def test_stages_meet_on_disk_not_in_imports() -> None:

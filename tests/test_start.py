@@ -50,3 +50,12 @@ def test_plan_loads_neither_open3d_nor_sklearn(whole_map: Path, tiny_capture: Pa
     start, goal = photos / "000.jpg", photos / "001.jpg"
     heavy = loaded("plan", "--from", start, "--to", goal, "--map", whole_map, cwd=whole_map)
     assert not heavy & {"open3d", "sklearn", "octomap"}
+
+
+def test_importing_vnav_loads_nothing_but_the_standard_library() -> None:
+    code = "import sys; before = set(sys.modules); import vnav; print(*(set(sys.modules) - before))"
+    done = subprocess.run(
+        [sys.executable, "-P", "-c", code], text=True, capture_output=True, check=True
+    )
+    loaded = {name.split(".")[0] for name in done.stdout.split()}
+    assert loaded - sys.stdlib_module_names == {"vnav"}

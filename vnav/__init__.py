@@ -1,3 +1,96 @@
-"""vnav: from a folder of RGB-D frames to a map, a located photo and a planned path."""
+"""vnav: from a folder of RGB-D frames to a map, a located photo and a planned path.
+
+Everything here is loaded when it is first used; docs/api.md shows it.
+"""
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+from vnav.errors import (
+    CameraError,
+    CaptureError,
+    ConfigError,
+    DatasetError,
+    MapError,
+    PhotoError,
+    StaleArtifact,
+    TrajectoryError,
+    VnavError,
+)
+
+if TYPE_CHECKING:
+    from vnav.api.building import build_map, extend_map, open_capture
+    from vnav.api.judging import check, evaluate, score
+    from vnav.api.map import Map, open_map
+    from vnav.config import Config
+    from vnav.config import load as load_config
+    from vnav.core.camera import Camera, Intrinsics
+    from vnav.core.trajectory import Trajectory
+    from vnav.io.sources.capture import Capture
+    from vnav.io.sources.memory import frames
+    from vnav.localisation.answer import PhotoAnswer
+    from vnav.stages.plan import PlanAnswer
 
 __version__ = "0.1.0"
+__all__ = [
+    "Camera",
+    "CameraError",
+    "Capture",
+    "CaptureError",
+    "Config",
+    "ConfigError",
+    "DatasetError",
+    "Intrinsics",
+    "Map",
+    "MapError",
+    "PhotoAnswer",
+    "PhotoError",
+    "PlanAnswer",
+    "StaleArtifact",
+    "Trajectory",
+    "TrajectoryError",
+    "VnavError",
+    "build_map",
+    "check",
+    "evaluate",
+    "extend_map",
+    "frames",
+    "load_config",
+    "open_capture",
+    "open_map",
+    "score",
+]
+
+_PLACES = {
+    "Camera": "vnav.core.camera:Camera",
+    "Capture": "vnav.io.sources.capture:Capture",
+    "Config": "vnav.config:Config",
+    "Intrinsics": "vnav.core.camera:Intrinsics",
+    "Map": "vnav.api.map:Map",
+    "PhotoAnswer": "vnav.localisation.answer:PhotoAnswer",
+    "PlanAnswer": "vnav.stages.plan:PlanAnswer",
+    "Trajectory": "vnav.core.trajectory:Trajectory",
+    "build_map": "vnav.api.building:build_map",
+    "check": "vnav.api.judging:check",
+    "evaluate": "vnav.api.judging:evaluate",
+    "extend_map": "vnav.api.building:extend_map",
+    "frames": "vnav.io.sources.memory:frames",
+    "load_config": "vnav.config:load",
+    "open_capture": "vnav.api.building:open_capture",
+    "open_map": "vnav.api.map:open_map",
+    "score": "vnav.api.judging:score",
+}
+
+
+def __getattr__(name: str) -> Any:
+    """Load what is asked for; AttributeError where there is nothing of that name."""
+    if name not in _PLACES:
+        raise AttributeError(f"module 'vnav' has no attribute '{name}'")
+    module, _, original = _PLACES[name].partition(":")
+    value = globals()[name] = getattr(import_module(module), original)
+    return value
+
+
+def __dir__() -> list[str]:
+    """What there is, loaded or not."""
+    return sorted({*globals(), *__all__})

@@ -26,7 +26,7 @@ def case(script: Callable[[str], ModuleType], whole_map: Path, tiny_capture: Pat
 
 def test_the_parts_of_finding_a_photo_add_up(locating: ModuleType, case) -> None:  # type: ignore[no-untyped-def]
     before = locating.hypotheses.completed
-    answer, spent, clock = locating.asked(Locator(case.folder, Config()), case.photos[0])
+    answer, spent, clock = locating.asked(Locator.open(case.folder, Config()), case.photos[0])
     assert locating.hypotheses.completed is before
     assert answer.best is not None
     parts = [name for name in spent if name not in (locating.SIFT, locating.ALL)]
@@ -43,7 +43,7 @@ def test_the_parts_of_finding_a_photo_add_up(locating: ModuleType, case) -> None
 
 
 def test_exhaustive_matching_finds_photos_too(locating: ModuleType, case) -> None:  # type: ignore[no-untyped-def]
-    locator, exhaustive = Locator(case.folder, Config()), locating.Exhaustive(case.folder)
+    locator, exhaustive = Locator.open(case.folder, Config()), locating.Exhaustive(case.folder)
     poses = [exhaustive.locate(locator.locate(photo), Config()) for photo in case.photos]
     right = [
         locating.is_right(T, case.truth[p.name]) for T, p in zip(poses, case.photos, strict=True)

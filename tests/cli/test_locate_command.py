@@ -11,10 +11,10 @@ import numpy as np
 import pytest
 from click.testing import CliRunner, Result
 
+from vnav.api.locate_many import shares
 from vnav.cli.main import cli
 from vnav.errors import CameraError, MapError, PhotoError
 from vnav.io.store.map_folder import MapFolder
-from vnav.pipeline.locate_many import shares
 
 
 @pytest.fixture(scope="module")

@@ -142,7 +142,7 @@ def test_photos_are_located_by_what_the_other_camera_saw(
     extended: MapFolder, other_capture: Path, truth: np.ndarray
 ) -> None:
     photo = other_capture / "photos" / "000.jpg"
-    best = Locator(extended, Config()).locate(photo).best
+    best = Locator.open(extended, Config()).locate(photo).best
     assert best is not None
     found = load_optimised(extended).T_world_camera
     T_truth_world = se3.align(truth[:, :3, 3], found[:, :3, 3])

@@ -29,7 +29,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory, whole_map: Path) -> MapFold
 
 @pytest.fixture(scope="module")
 def locator(folder: MapFolder) -> Locator:
-    return Locator(folder, Config())
+    return Locator.open(folder, Config())
 
 
 @pytest.fixture(scope="module")
@@ -190,7 +190,7 @@ def test_a_wrongly_assumed_camera_is_doubted(
     locator: Locator, photos: list[Path], tmp_path: Path
 ) -> None:
     """A photo scaled to the map's size, taken with another field of view, no camera.toml by it."""
-    mapped = locator._map_cameras[0]
+    mapped = locator.map_cameras[0]
     image = cv2.imread(str(photos[0]))
     height, width = image.shape[:2]
     cut = image[: round(width * 0.6) * 3 // 4, : round(width * 0.6)]

@@ -11,7 +11,7 @@ from click.testing import CliRunner, Result
 from numpy.typing import NDArray
 
 from vnav.cli.main import cli
-from vnav.config import Config, PlanConfig
+from vnav.config import PlanConfig
 from vnav.core import se3
 from vnav.core.frame import Rejected
 from vnav.core.grid import FREE, OCCUPIED, Grid
@@ -22,7 +22,8 @@ from vnav.io.store.artifacts import save_optimised
 from vnav.io.store.map_folder import MapFolder
 from vnav.planning.planner import Plan
 from vnav.reporting.plan_picture import plan_figure, write_picture
-from vnav.stages.plan import PlanAnswer, map_uncertainty_m, photo_locator, plan, summary, write_csv
+from vnav.reporting.plan_text import summary, write_csv
+from vnav.stages.plan import PlanAnswer, map_uncertainty_m, plan
 
 CONFIG = PlanConfig()
 LEVEL = np.array([[0, 0, 1], [-1, 0, 0], [0, -1, 0]], float)  # looks along x
@@ -108,25 +109,6 @@ def test_a_photo_that_is_not_located_gives_no_path_but_the_reason(
     assert values["reason"] == "the photo a.jpg was not located: too few matches"
     assert values["path_m"] == []
     assert None in (values["start"]["asked"], values["goal"]["asked"])
-
-
-def test_what_is_doubtful_about_a_photos_camera_is_told(
-    rooms: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    class Answered:
-        warnings, best, reason = ("camera assumed",), None, "too few matches"
-
-    class Locator:
-        def __init__(self, *_: object) -> None: ...
-
-        def locate(self, photo: Path) -> Answered:
-            return Answered()
-
-    monkeypatch.setattr("vnav.stages.locate.Locator", Locator)
-    told: list[str] = []
-    locate = photo_locator(MapFolder.open(rooms), Config(), None, told.append)
-    assert locate(Path("a.jpg")) == Rejected("too few matches")
-    assert told == ["camera assumed"]
 
 
 def test_without_a_located_photo_current_is_an_error_that_says_what_to_do(tmp_path: Path) -> None:
@@ -226,7 +208,7 @@ def test_the_picture_is_drawn_with_and_without_a_path(
 
 def test_the_picture_shows_path_ends_and_legend(rooms: Path) -> None:
     answer = _ask(rooms, "0,0", "3.05,2.0")
-    figure = plan_figure(answer, CONFIG)
+    figure = plan_figure(answer)
     labels = [text.get_text() for text in figure.legends[0].get_texts()]
     assert isinstance(answer.plan, Plan)
     wanted = ["occupied", "unknown", "too near an obstacle"]
@@ -244,7 +226,7 @@ def test_a_file_that_cannot_be_written_is_an_error(rooms: Path, tmp_path: Path) 
     with pytest.raises(VnavError, match="name another file with --csv"):
         write_csv(tmp_path / "missing" / "path.csv", answer.plan)
     with pytest.raises(VnavError, match="name another file with --png"):
-        write_picture(tmp_path / "missing" / "path.png", answer, CONFIG)
+        write_picture(tmp_path / "missing" / "path.png", answer)
 
 
 def test_planning_loads_no_library_it_does_not_need(rooms: Path) -> None:

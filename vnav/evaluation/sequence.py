@@ -116,7 +116,7 @@ def evaluate(task: SequenceTask, progress: Progress = silent) -> SequenceRun:
             values["score"] = scored.as_dict()
             for name, camera, photos in queries:
                 values["relocalisation"][name] = relocalisation.relocalise(
-                    Locator(folder, config, camera), photos, scored.ate.T_truth_world, progress
+                    Locator.open(folder, config, camera), photos, scored.ate.T_truth_world, progress
                 )
         return SequenceRun(values, trajectory, _true_poses(trajectory, truth), _closures_s(folder))
 

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from vnav.core import se3
+from vnav.core.arrays import Array
 from vnav.core.camera import PhotoCamera
 from vnav.localisation.hypotheses import Hypothesis
 from vnav.localisation.localise import Located, NotLocated
@@ -14,6 +15,7 @@ from vnav.localisation.photo import Photo
 from vnav.localisation.uncertainty import Sigmas
 from vnav.localisation.view import View
 
+IMAGE = Path("image")
 UNLIKELY = 0.02  # places of an ambiguous photo that are not worth telling
 
 
@@ -22,7 +24,8 @@ class PhotoAnswer:
     """A photo and where it was taken, or the reason why that is not known.
 
     ``photo`` is what was searched: features and intrinsics of the scaled and undistorted image;
-    ``camera`` belongs to the file.
+    ``camera`` belongs to the file; ``path`` is its name, or ``IMAGE`` for pixels
+    that have none.
     """
 
     path: Path
@@ -32,6 +35,16 @@ class PhotoAnswer:
     reason: str
     warnings: tuple[str, ...]
     seconds: dict[str, float]
+
+    @property
+    def located(self) -> bool:
+        """Whether a pose is given."""
+        return isinstance(self.result, Located)
+
+    @property
+    def T_world_camera(self) -> Array | None:
+        """Where the photo was taken (4, 4), None where that is not known."""
+        return self.best.view.T_world_camera if self.best else None
 
     @property
     def best(self) -> Hypothesis | None:

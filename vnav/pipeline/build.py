@@ -11,29 +11,9 @@ from vnav.core.progress import Progress, silent
 from vnav.core.report import Report
 from vnav.core.trajectory import Trajectory
 from vnav.errors import MapError
-from vnav.io.formats.trajectories import read_tum
 from vnav.io.sources.capture import Capture
-from vnav.io.sources.open_capture import open_capture
 from vnav.io.store.map_folder import STAGES, MapFolder
 from vnav.io.store.stage_reports import clock, finished, peak_memory_mb
-
-
-@dataclass(frozen=True)
-class BuildTask:
-    """A capture and the map to make of it; for the rest see `vnav build-map`."""
-
-    capture: Path
-    map_dir: Path
-    config: Config
-    camera: Path | None = None
-    trajectory: Path | None = None
-    fresh: bool = False
-    force: bool = False
-
-    @property
-    def name(self) -> str:
-        """Name of the capture's folder."""
-        return self.capture.resolve().name
 
 
 @dataclass(frozen=True)
@@ -44,13 +24,20 @@ class BuiltMap:
     reports: list[Report]
 
 
-def build(task: BuildTask, progress: Progress = silent) -> BuiltMap:
-    """Make the map of one capture; VnavError where there is none to be made."""
-    capture = open_capture(task.capture, task.config.capture, task.camera)
-    given = read_tum(task.trajectory) if task.trajectory else None
-    checked = require_usable(capture, force=task.force, progress=progress)
-    folder = MapFolder.create(task.map_dir, task.fresh)
-    reports = build_map(folder, capture, task.config, given=given, progress=progress)
+def build(
+    capture: Capture,
+    map_dir: Path,
+    config: Config,
+    *,
+    given: Trajectory | None = None,
+    fresh: bool = False,
+    force: bool = False,
+    progress: Progress = silent,
+) -> BuiltMap:
+    """Make the map of a capture that is fit to be mapped; see `vnav.build_map`."""
+    checked = require_usable(capture, force=force, progress=progress)
+    folder = MapFolder.create(map_dir, fresh)
+    reports = build_map(folder, capture, config, given=given, progress=progress)
     return BuiltMap(checked.warnings, reports)
 
 

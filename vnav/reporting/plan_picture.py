@@ -9,7 +9,6 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
-from vnav.config import PlanConfig
 from vnav.core.grid import OCCUPIED, UNKNOWN
 from vnav.errors import VnavError
 from vnav.planning.costmap import costmap
@@ -22,24 +21,25 @@ ENDS = (("start", "#2e7d32", "o"), ("goal", "#c62828", "s"))
 ARROW_M = 0.5
 
 
-def write_picture(path: Path, answer: PlanAnswer, config: PlanConfig) -> None:
+def write_picture(path: Path, answer: PlanAnswer) -> None:
     """Write a PNG of the path on the grid, or of start and goal where there is no path."""
     try:
-        plan_figure(answer, config).savefig(path, format="png", bbox_inches="tight")
+        plan_figure(answer).savefig(path, format="png", bbox_inches="tight")
     except OSError as error:
         raise VnavError(
             f"expected to write {path}, found: {error.strerror}; name another file with --png"
         ) from error
 
 
-def plan_figure(answer: PlanAnswer, config: PlanConfig) -> Figure:
+def plan_figure(answer: PlanAnswer) -> Figure:
     """The grid with its inflated obstacles, the path, and start and goal with their headings.
 
     A place that was moved is drawn hollow where it was asked for.
     """
     grid, found = answer.grid, answer.plan if isinstance(answer.plan, Plan) else None
     figure, axes = map_figure(extent_of(grid), "Path" if found else "No path")
-    inflated = costmap(grid, answer.uncertainty_m, config).inflated & (grid.cells != OCCUPIED)
+    costs = costmap(grid, answer.uncertainty_m, answer.config)
+    inflated = costs.inflated & (grid.cells != OCCUPIED)
     image = grid_image(grid)
     image[inflated] = image[inflated] * INFLATED
     axes.imshow(image, origin="lower", extent=extent_of(grid), interpolation="nearest")

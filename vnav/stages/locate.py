@@ -5,6 +5,8 @@ import os
 import time
 from collections.abc import Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from threading import Thread
 
@@ -13,17 +15,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vnav.checking.quality import BLURRED, DARK, blur
-from vnav.config import Config, updated
+from vnav.config import Config, FeaturesConfig, updated
 from vnav.core.camera import Intrinsics, PhotoCamera
 from vnav.core.progress import Progress, silent
 from vnav.errors import PhotoError
-from vnav.features import front_end
-from vnav.io.photos.photos import photo_camera, read_photo
+from vnav.features import FrontEnd, front_end
+from vnav.io.photos.photos import PhotoCameraSource, photo_camera, read_photo
 from vnav.io.store.artifacts import map_camera
 from vnav.io.store.index_file import load_index
 from vnav.io.store.map_folder import MapFolder
 from vnav.io.store.tree_file import load_tree
-from vnav.localisation.answer import PhotoAnswer, UnreadablePhoto
+from vnav.localisation.answer import IMAGE, PhotoAnswer, UnreadablePhoto
 from vnav.localisation.database import LandmarkDatabase
 from vnav.localisation.localise import Located, NotLocated, localise, own_focal
 from vnav.localisation.photo import prepare
@@ -37,44 +39,64 @@ BRIGHTEST = 99.0  # percentile of the grey levels that exposure is told by
 UNDEREXPOSED = 128.0  # a photo whose brightest parts are darker
 
 
+@dataclass(frozen=True)
 class Locator:
-    """Finds photos in one map, which is loaded once; may be asked from several threads."""
+    """Finds photos in one map, which is loaded once; may be asked from several threads.
 
-    def __init__(self, folder: MapFolder, config: Config, camera: Path | str | None = None) -> None:
-        """``camera``: of all photos, a camera.toml or "auto"; None: see `photo_camera`."""
+    ``camera``: of all photos; a camera.toml, "auto" or intrinsics; None: see `photo_camera`.
+    ``map_cameras`` are those of the map's captures, ``features`` the settings it was made with.
+    """
+
+    database: LandmarkDatabase
+    map_cameras: tuple[Intrinsics, ...]
+    features: FeaturesConfig
+    config: Config
+    camera: PhotoCameraSource = None
+
+    @classmethod
+    def open(cls, folder: MapFolder, config: Config, camera: PhotoCameraSource = None) -> "Locator":
+        """Load what is needed of a map; StaleArtifact where it has no index."""
         Thread(target=load_compiled).start()  # while the index is read and features are found
-        self.database = LandmarkDatabase(load_index(folder), load_tree(folder))
-        self._config, self._camera = config, camera
-        self._map_cameras = [map_camera(folder, k) for k in range(len(folder.captures))]
+        database = LandmarkDatabase(load_index(folder), load_tree(folder))
+        cameras = tuple(map_camera(folder, k) for k in range(len(folder.captures)))
         recorded = {"features": folder.settings("odometry")["features"]}
         features = updated(Config(), recorded, f"the stage odometry of {folder.root}").features
-        wanted = dataclasses.replace(features, max_features=config.locate.max_features)
-        self._front_end = front_end(wanted)
+        return cls(database, cameras, features, config, camera)
 
     @one_blas_thread
-    def locate(self, path: Path) -> PhotoAnswer:
-        """Where a photo was taken; PhotoError or CameraError where it cannot be asked."""
+    def locate(self, photo: Path | NDArray[np.uint8]) -> PhotoAnswer:
+        """Where a photo, a file or an image (H, W, 3) RGB, was taken.
+
+        PhotoError or CameraError where it cannot be asked.
+        """
         clock = [time.monotonic()]
-        image = read_photo(path)
+        path = photo if isinstance(photo, Path) else None
+        image = read_photo(photo) if isinstance(photo, Path) else photo
         size = image.shape[1], image.shape[0]
-        camera = photo_camera(path, size, self._camera, self._map_camera(size))
+        camera = photo_camera(path, size, self.camera, self._map_camera(size))
         clock.append(time.monotonic())
-        image = scaled_down(image, self._config.locate.max_size_px)
+        image = scaled_down(image, self.config.locate.max_size_px)
         intrinsics = camera.intrinsics.scaled(image.shape[1], image.shape[0])
         features = self._front_end.extract(brightened(image))
         clock.append(time.monotonic())
-        photo = prepare(features, intrinsics, camera.focal_sigma, self.database.tree)
-        query = Query(photo, self.database, self._config.locate)
-        result = localise(query, np.random.default_rng(self._config.seed))
+        prepared = prepare(features, intrinsics, camera.focal_sigma, self.database.tree)
+        query = Query(prepared, self.database, self.config.locate)
+        result = localise(query, np.random.default_rng(self.config.seed))
         clock.append(time.monotonic())
         spent = np.round(np.diff(clock), 4).tolist()
         seconds = dict(zip(("read", "features", "search_and_pose"), spent, strict=True))
-        return _answer(path, image, camera, query, result, seconds)
+        return _answer(path or IMAGE, image, camera, query, result, seconds)
+
+    @cached_property
+    def _front_end(self) -> FrontEnd:
+        """That of the map, with as many features as are asked of a photo."""
+        wanted = dataclasses.replace(self.features, max_features=self.config.locate.max_features)
+        return front_end(wanted)
 
     def _map_camera(self, size: tuple[int, int]) -> Intrinsics:
         """The camera of a capture whose images have this size, else the first's."""
-        same = [camera for camera in self._map_cameras if camera.size == size]
-        return (same or self._map_cameras)[0]
+        same = [camera for camera in self.map_cameras if camera.size == size]
+        return (same or self.map_cameras)[0]
 
 
 def locate(

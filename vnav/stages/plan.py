@@ -3,29 +3,27 @@
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from vnav.config import Config, PlanConfig
+from vnav.config import PlanConfig
+from vnav.core.arrays import Array
 from vnav.core.frame import Rejected
 from vnav.core.grid import Grid
 from vnav.core.mapping import OptimisedMap
-from vnav.errors import MapError, VnavError
+from vnav.errors import MapError
 from vnav.io.formats.grid_files import read_grid
 from vnav.io.store.artifacts import load_optimised
-from vnav.io.store.map_folder import MapFolder, write_text
+from vnav.io.store.map_folder import MapFolder
 from vnav.planning.ends import End, Point
 from vnav.planning.planner import Plan, heading_rad, plan_path
 
-if TYPE_CHECKING:
-    from vnav.stages.locate import Locator
-
 CURRENT = "current"
-Locate = Callable[[Path], NDArray[np.float64] | Rejected]  # a photo's T_world_camera
+Pose = Array | Rejected  # T_world_camera of a photo, or why it is not known
+Place = Pose | Point | str | Path  # or a point; "current", "X,Y" or the file of a photo
+Locate = Callable[[Path], Pose]
 
 
 @dataclass(frozen=True)
@@ -38,23 +36,38 @@ class PlanEnd:
 
 @dataclass(frozen=True)
 class PlanAnswer:
-    """A path, or why there is none; ``places`` are start and goal as far as they are known."""
+    """A path, or why there is none; ``places`` are start and goal as far as they are known.
+
+    ``warnings`` say what is doubtful about the photos' camera.
+    """
 
     plan: Plan | Rejected
     places: tuple[PlanEnd | Rejected, PlanEnd | Rejected]
     grid: Grid
     uncertainty_m: float
+    config: PlanConfig
     seconds: dict[str, float]
+    warnings: tuple[str, ...] = ()
+
+    @property
+    def found(self) -> Plan | None:
+        """The path, if there is one."""
+        return self.plan if isinstance(self.plan, Plan) else None
+
+    @property
+    def reason(self) -> str:
+        """Why there is none, empty where there is one."""
+        return self.plan.reason if isinstance(self.plan, Rejected) else ""
 
     def as_dict(self) -> dict[str, Any]:
         """Plain values for JSON; null for what is not known."""
-        plan = self.plan if isinstance(self.plan, Plan) else None
+        plan = self.found
         clearance_m = plan.clearance_min_m if plan else np.inf
         ends = (plan.start, plan.goal) if plan else (None, None)
         start, goal = (_plain(*each) for each in zip(self.places, ends, strict=True))
         return {
             "found": plan is not None,
-            "reason": self.plan.reason if isinstance(self.plan, Rejected) else None,
+            "reason": self.reason or None,
             "path_m": plan.poses.tolist() if plan else [],
             "length_m": plan.length_m if plan else None,
             "clearance_min_m": clearance_m if np.isfinite(clearance_m) else None,
@@ -66,9 +79,9 @@ class PlanAnswer:
 
 
 def plan(
-    folder: MapFolder, start: str, goal: str, config: PlanConfig, locate: Locate
+    folder: MapFolder, start: Place, goal: Place, config: PlanConfig, locate: Locate
 ) -> PlanAnswer:
-    """A path between two places, each ``current``, ``X,Y`` in metres or the file of a photo.
+    """A path between two places, or why there is none.
 
     ``current`` is the pose of this map's last located photo, which is left as it is. The last yaw
     of the path is where the goal's photo looks. MapError where the map has no grid or no current
@@ -78,37 +91,13 @@ def plan(
     grid = read_grid(folder.stage("fuse") / "grid.yaml")
     uncertainty_m = min(map_uncertainty_m(load_optimised(folder)), config.max_uncertainty_m)
     clock.append(time.monotonic())
-    places = _place(folder, start, locate), _place(folder, goal, locate)
+    places = _end(folder, start, locate), _end(folder, goal, locate)
     clock.append(time.monotonic())
     found = _between(places, grid, uncertainty_m, config)
     clock.append(time.monotonic())
     spent = np.round(np.diff(clock), 3).tolist()
     seconds = dict(zip(("load", "locate", "plan"), spent, strict=True))
-    return PlanAnswer(found, places, grid, uncertainty_m, seconds)
-
-
-def photo_locator(
-    folder: MapFolder, config: Config, camera: Path | str | None, warn: Callable[[str], None]
-) -> Locate:
-    """Find photos in a map, which is loaded with the first of them; what is found is not kept.
-
-    ``camera``: of all photos, a camera.toml or "auto"; None where each has its own. ``warn`` is
-    told what is doubtful about a photo's camera.
-    """
-
-    @cache
-    def locator() -> "Locator":
-        from vnav.stages.locate import Locator
-
-        return Locator(folder, config, camera)
-
-    def locate(photo: Path) -> NDArray[np.float64] | Rejected:
-        answer = locator().locate(photo)
-        for warning in answer.warnings:
-            warn(warning)
-        return answer.best.view.T_world_camera if answer.best else Rejected(answer.reason)
-
-    return locate
+    return PlanAnswer(found, places, grid, uncertainty_m, config, seconds)
 
 
 def map_uncertainty_m(optimised: OptimisedMap) -> float:
@@ -125,40 +114,22 @@ def map_uncertainty_m(optimised: OptimisedMap) -> float:
     return float(np.sqrt(sum(variances)))
 
 
-def summary(answer: PlanAnswer, start: str, goal: str) -> list[str]:
-    """Lines for a person."""
-    if isinstance(answer.plan, Rejected):
-        return [f"no path: {answer.plan.reason}"]
-    found = answer.plan
-    lines = [f"path       {found.length_m:.2f} m, {len(found.poses)} points"]
-    if np.isfinite(found.clearance_min_m):
-        lines.append(f"clearance  {found.clearance_min_m:.2f} m at least")
-    for name, text, end in (("start", start, found.start), ("goal", goal, found.goal)):
-        moved = f", moved {end.moved_m:.2f} m to {_text(end.snapped)}" if end.moved_m else ""
-        lines.append(f"{name:11}{_text(end.asked)}{moved}  {text}")
-    return lines
-
-
-def write_csv(path: Path, plan: Plan) -> None:
-    """Write a header and a line x,y,yaw for each pose: metres, radians."""
-    rows = "".join(f"{x:.6f},{y:.6f},{yaw:.6f}\n" for x, y, yaw in plan.poses)
-    try:
-        write_text(path, f"x,y,yaw\n{rows}")
-    except OSError as error:
-        raise VnavError(
-            f"expected to write {path}, found: {error.strerror}; name another file with --csv"
-        ) from error
-
-
-def _place(folder: MapFolder, text: str, locate: Locate) -> PlanEnd | Rejected:
-    if text == CURRENT:
+def _end(folder: MapFolder, place: Place, locate: Locate) -> PlanEnd | Rejected:
+    """Where a place is on the floor; why that is not known, where a photo was not located."""
+    if isinstance(place, Rejected):
+        return place
+    if isinstance(place, tuple):
+        return PlanEnd(place)
+    if isinstance(place, np.ndarray):
+        return _seen_from(place)
+    if place == CURRENT:
         return _seen_from(_current(folder))
-    point = _point(text)
+    point = _point(str(place))
     if point is not None:
         return PlanEnd(point)
-    T_world_camera = locate(Path(text))
+    T_world_camera = locate(Path(place))
     if isinstance(T_world_camera, Rejected):
-        return Rejected(f"the photo {text} was not located: {T_world_camera.reason}")
+        return Rejected(f"the photo {place} was not located: {T_world_camera.reason}")
     return _seen_from(T_world_camera)
 
 
@@ -171,7 +142,7 @@ def _point(text: str) -> Point | None:
     return (x, y) if np.isfinite([x, y]).all() else None
 
 
-def _current(folder: MapFolder) -> NDArray[np.float64]:
+def _current(folder: MapFolder) -> Array:
     pose = folder.current()
     if pose is None:
         raise MapError(
@@ -182,7 +153,7 @@ def _current(folder: MapFolder) -> NDArray[np.float64]:
     return np.array(pose["T_world_camera"], float)
 
 
-def _seen_from(T_world_camera: NDArray[np.float64]) -> PlanEnd:
+def _seen_from(T_world_camera: Array) -> PlanEnd:
     x, y = T_world_camera[:2, 3].tolist()
     return PlanEnd((x, y), heading_rad(T_world_camera))
 
@@ -214,7 +185,3 @@ def _plain(place: PlanEnd | Rejected, end: End | None) -> dict[str, Any]:
         "snapped": list(end.snapped) if end else None,
         "moved_m": end.moved_m if end else None,
     }
-
-
-def _text(point: Point) -> str:
-    return f"({point[0]:.2f}, {point[1]:.2f})"

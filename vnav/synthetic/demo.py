@@ -66,7 +66,7 @@ def run(
     reports = build_map(folder, open_capture(capture, config.capture), config, progress=progress)
     report.write(folder)
 
-    locator = Locator(folder, config)
+    locator = Locator.open(folder, config)
     files = sorted((capture / "photos").glob("*.jpg"))
     photos = [a for a in locate(locator, files, progress=progress) if isinstance(a, PhotoAnswer)]
     ends = _farthest_apart(photos, read_photo_poses(capture / TRUTH))
@@ -76,7 +76,7 @@ def run(
     poses = {answer.path: _pose(answer) for answer in ends}
     start, goal = (str(answer.path) for answer in ends)
     path = plan.plan(folder, start, goal, config.plan, poses.__getitem__)
-    plan_picture.write_picture(out / "path.png", path, config.plan)
+    plan_picture.write_picture(out / "path.png", path)
     return Demo(capture, folder, reports, photos, ends, path)
 
 

@@ -16,6 +16,7 @@ from vnav.io.photos.heic import is_heic, read_heic
 SUFFIXES = (".jpg", ".jpeg", ".png", ".bmp", ".tif", ".tiff", ".webp", ".heic", ".heif")
 AUTO = "auto"  # what --camera says where the focal length is to be estimated
 EXIF_SIGMA = 0.05  # relative; EXIF rounds to millimetres, and phones crop
+PhotoCameraSource = Path | str | Intrinsics | None  # of a photo: see `photo_camera`
 USUAL_FOCAL = 0.8  # of the longer side: 64 degrees of view; only where search starts
 
 
@@ -44,22 +45,24 @@ def find_photos(paths: Iterable[Path]) -> list[Path]:
 
 
 def photo_camera(
-    path: Path, size: tuple[int, int], camera: Path | str | None, of_map: Intrinsics
+    path: Path | None, size: tuple[int, int], camera: PhotoCameraSource, of_map: Intrinsics
 ) -> PhotoCamera:
-    """The camera of a photo of this size (width, height).
+    """The camera of a photo of this size (width, height); ``path`` None where it has no file.
 
-    ``camera``: a camera.toml, "auto", or None. Without it: camera.toml beside the photo, EXIF,
-    the map's camera if the size is the same, else not known. CameraError where a camera.toml does
-    not fit the photo.
+    ``camera``: a camera.toml, "auto", intrinsics, or None. Without it: camera.toml beside the
+    photo, EXIF, the map's camera if the size is the same, else not known. CameraError where the
+    camera does not fit the photo.
     """
-    beside = path.parent / "camera.toml"
-    if camera is None and beside.is_file():
-        camera = beside
+    if camera is None and path is not None:
+        beside = path.parent / "camera.toml"
+        camera = beside if beside.is_file() else None
     if camera == AUTO:
         return _guessed(size)
+    if isinstance(camera, Intrinsics):
+        return PhotoCamera(_fitting(camera, "the camera given", path, size), "given", 0.0)
     if camera is not None:
-        return PhotoCamera(_fitting(Path(camera), path, size), "file", 0.0)
-    focal = read_exif(path).focal_px(*size) if path.is_file() else None
+        return PhotoCamera(_fitting(read_color(Path(camera)), camera, path, size), "file", 0.0)
+    focal = read_exif(path).focal_px(*size) if path is not None and path.is_file() else None
     if focal:
         return PhotoCamera(_centred(size, focal), "exif", EXIF_SIGMA)
     if of_map.size == size:
@@ -67,16 +70,17 @@ def photo_camera(
     return _guessed(size)
 
 
-def _fitting(camera_file: Path, photo: Path, size: tuple[int, int]) -> Intrinsics:
-    """The camera of the file, scaled to a photo of the same shape."""
-    found = read_color(camera_file)
-    if abs(found.width * size[1] - found.height * size[0]) > max(size):
+def _fitting(
+    camera: Intrinsics, source: Path | str, photo: Path | None, size: tuple[int, int]
+) -> Intrinsics:
+    """The camera, scaled to a photo of the same shape."""
+    if abs(camera.width * size[1] - camera.height * size[0]) > max(size):
         raise CameraError(
-            f"expected a camera for {size[0]} x {size[1]} pixels, the size of {photo}, found"
-            f" {found.width} x {found.height} in {camera_file}; name another with --camera, or"
-            " --camera auto"
+            f"expected a camera for {size[0]} x {size[1]} pixels, the size of"
+            f" {photo or 'the image'}, found {camera.width} x {camera.height} in {source}; name"
+            " another with --camera, or --camera auto"
         )
-    return found.scaled(*size)
+    return camera.scaled(*size)
 
 
 def _guessed(size: tuple[int, int]) -> PhotoCamera:

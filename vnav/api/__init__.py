@@ -1,0 +1,1 @@
+"""What `import vnav` offers and what the commands call; docs/api.md shows each."""

@@ -1,0 +1,72 @@
+"""What callers may write for a path, a configuration, a camera or a photo, made definite."""
+
+from os import PathLike
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vnav import config
+from vnav.config import Config
+from vnav.core.camera import Camera, Intrinsics
+from vnav.core.trajectory import Trajectory
+from vnav.errors import PhotoError
+from vnav.io.formats.trajectories import read_tum
+from vnav.io.photos.photos import AUTO, PhotoCameraSource
+from vnav.io.sources.capture import Capture
+from vnav.io.sources.open_capture import open_capture
+
+AnyPath = str | PathLike[str]
+ConfigSource = Config | AnyPath | None  # None: the defaults
+PhotoSource = AnyPath | NDArray[np.uint8]
+CameraSource = Camera | Intrinsics | AnyPath | None
+CaptureSource = Capture | AnyPath
+TrajectorySource = Trajectory | AnyPath
+
+
+def config_of(source: ConfigSource) -> Config:
+    """A configuration as it is, of a preset's name or of a TOML file; the defaults for None."""
+    return (
+        source
+        if isinstance(source, Config)
+        else config.load(None if source is None else str(source))
+    )
+
+
+def capture_of(source: CaptureSource, settings: Config, camera: AnyPath | None) -> Capture:
+    """A capture as it is, or the one in a folder; ``camera``: a camera.toml, where it has none."""
+    if isinstance(source, str | PathLike):
+        return open_capture(
+            Path(source), settings.capture, None if camera is None else Path(camera)
+        )
+    return source
+
+
+def trajectory_of(source: TrajectorySource) -> Trajectory:
+    """Poses as they are, or those of a TUM file."""
+    if isinstance(source, str | PathLike):
+        return read_tum(Path(source))
+    return source
+
+
+def photo_of(source: PhotoSource) -> Path | NDArray[np.uint8]:
+    """A photo's file, or its pixels; PhotoError where they are no RGB image."""
+    if isinstance(source, str | PathLike):
+        return Path(source)
+    image: NDArray[Any] = np.asarray(source)
+    if image.dtype != np.uint8 or image.ndim != 3 or image.shape[2] != 3 or not image.size:
+        raise PhotoError(
+            f"expected a photo of shape (H, W, 3) and type uint8, RGB, found {image.shape} and"
+            f" {image.dtype}; convert it first"
+        )
+    return image
+
+
+def photo_camera_of(source: CameraSource) -> PhotoCameraSource:
+    """The camera of photos: intrinsics, a camera.toml, "auto", or None."""
+    if isinstance(source, Camera):
+        return source.color
+    if source is None or isinstance(source, Intrinsics) or source == AUTO:
+        return source
+    return Path(source)

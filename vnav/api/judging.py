@@ -1,0 +1,126 @@
+"""Captures are checked, trajectories scored, whole suites evaluated."""
+
+import logging
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from vnav.api.arguments import (
+    AnyPath,
+    CaptureSource,
+    ConfigSource,
+    TrajectorySource,
+    capture_of,
+    config_of,
+    trajectory_of,
+)
+from vnav.config import CaptureConfig
+from vnav.core.progress import Progress, silent
+from vnav.core.trajectory import Trajectory
+
+if TYPE_CHECKING:
+    from vnav.checking.capture_report import CaptureReport
+    from vnav.evaluation.score import Score
+    from vnav.evaluation.stored_runs import Outcome
+    from vnav.io.datasets.suite_file import Suite
+
+log = logging.getLogger(__name__)
+
+
+def check(
+    capture: CaptureSource,
+    *,
+    config: ConfigSource = None,
+    camera: AnyPath | None = None,
+    progress: Progress = silent,
+) -> "CaptureReport":
+    """Look at a capture before a map is made of it: every file, times, some of the frames.
+
+    ``problems`` of what it gives say what would stop a map. Arguments as for `build_map`.
+    """
+    from vnav.checking.capture_report import inspect
+
+    return inspect(capture_of(capture, config_of(config), camera), progress=progress)
+
+
+def score(
+    trajectory: TrajectorySource,
+    truth: TrajectorySource,
+    *,
+    max_difference_s: float = 0.02,
+    frames: int = 1,
+    camera: AnyPath | None = None,
+) -> "Score":
+    """ATE and RPE of poses against the true ones, each a trajectory or a TUM file.
+
+    ``truth`` may also be a capture folder that comes with its truth, ``camera`` that capture's.
+    Poses belong together whose times differ by less than ``max_difference_s``; RPE is taken over
+    ``frames`` frames. TrajectoryError where fewer than three do.
+    """
+    from vnav.evaluation import score as scoring
+    from vnav.io.sources.open_capture import read_truth
+
+    if not isinstance(truth, Trajectory):
+        camera_file = None if camera is None else Path(camera)
+        truth = read_truth(Path(truth), CaptureConfig(), camera_file)
+    return scoring.score(trajectory_of(trajectory), truth, max_difference_s, frames)
+
+
+def evaluate(
+    suite: str,
+    out: AnyPath = "evaluation",
+    *,
+    seeds: int = 1,
+    config: str | None = None,
+    settings: Sequence[str] = (),
+    resume: bool = False,
+    jobs: int = 1,
+    scheduler: str = "",
+    progress: Progress = silent,
+) -> "list[Outcome]":
+    """Map, score and locate every sequence of a suite, a file or the name of one that ships.
+
+    Each sequence is run with ``seeds`` seeds, its own settings, then those of ``config`` and
+    ``settings`` ("odometry.max_depth_m=4"). Writes results.csv, results.json, report.html and the
+    trajectories to ``out``; with ``resume`` runs that are there are kept. ``jobs`` and
+    ``scheduler`` as for `vnav.batch.run`. A run that fails is an outcome with its reason.
+    """
+    from vnav import batch
+    from vnav.evaluation import sequence, stored_runs
+    from vnav.io.datasets.suite_file import read_suite
+
+    asked, folder = read_suite(suite), Path(out)
+    tasks = sequence.tasks(asked, seeds, config, settings)
+    stored_runs.prepare(folder)
+    outcomes = stored_runs.finished_before(folder, tasks) if resume else {}
+    if resume:
+        log.info("%d of %d runs are there already", len(outcomes), len(tasks))
+    todo = [k for k in range(len(tasks)) if k not in outcomes]
+    results = batch.run(
+        sequence.evaluate,
+        [tasks[k] for k in todo],
+        jobs=jobs,
+        scheduler=scheduler,
+        progress=progress,
+    )
+    for n, result in results:
+        outcome = stored_runs.Outcome(tasks[todo[n]], result)
+        stored_runs.save(folder, outcome)
+        outcomes[todo[n]] = outcome
+        log.info("%d of %d runs: %s", len(outcomes), len(tasks), outcome.summary)
+    in_order = [outcomes[k] for k in range(len(tasks))]
+    _write_results(folder, asked, in_order)
+    return in_order
+
+
+def _write_results(out: Path, suite: "Suite", outcomes: "list[Outcome]") -> None:
+    from vnav.evaluation.result_files import as_csv, as_json
+    from vnav.evaluation.stored_runs import writing
+    from vnav.io.store.map_folder import write_text
+    from vnav.reporting.run_page import page
+
+    with writing(out):
+        write_text(out / "results.csv", as_csv(outcomes))
+        write_text(out / "results.json", as_json(suite, outcomes))
+        write_text(out / "report.html", page(suite, outcomes))
+    log.info("report in %s", out / "report.html")

@@ -1,0 +1,244 @@
+"""A map that is there: what it holds, where photos were taken, and paths on it."""
+
+import dataclasses
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from pathlib import Path
+from threading import Lock
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from vnav.api.arguments import (
+    AnyPath,
+    CameraSource,
+    ConfigSource,
+    PhotoSource,
+    config_of,
+    photo_camera_of,
+    photo_of,
+)
+from vnav.config import Config
+from vnav.core.arrays import Array
+from vnav.core.frame import Rejected
+from vnav.core.grid import Grid
+from vnav.core.mapping import Landmarks
+from vnav.core.point_cloud import Mesh, PointCloud
+from vnav.core.progress import Progress, silent
+from vnav.core.trajectory import Trajectory
+from vnav.errors import MapError
+from vnav.io.photos.photos import PhotoCameraSource
+from vnav.io.store.map_folder import MapFolder
+from vnav.localisation.answer import PhotoAnswer, UnreadablePhoto
+from vnav.pipeline.build import BuiltMap
+
+if TYPE_CHECKING:
+    from vnav.stages.locate import Locator
+    from vnav.stages.plan import Place, PlanAnswer
+
+PlaceSource = PhotoSource | PhotoAnswer | tuple[float, float]
+
+
+class Map:
+    """A map in a folder; photos may be located from several threads at once.
+
+    ``built``: what building it has just found, None for a map that was opened. What is read is as
+    it is on disk; the index for locating is loaded with the first photo, and kept.
+    """
+
+    def __init__(self, folder: MapFolder, built: BuiltMap | None = None) -> None:
+        self.built = built
+        self._folder = folder
+        self._lock = Lock()
+        self._loaded: Locator | None = None
+
+    def __repr__(self) -> str:
+        return f"vnav.open_map({str(self.root)!r})"
+
+    @property
+    def root(self) -> Path:
+        """The folder."""
+        return self._folder.root
+
+    def trajectory(self, capture: int = 0) -> Trajectory:
+        """Final poses of a capture's tracked frames; StaleArtifact where there are none yet."""
+        from vnav.io.formats.trajectories import read_tum
+
+        path = self._folder.stage("optimise") / f"trajectory_{capture}.tum"
+        if not path.is_file():
+            count = len(self._folder.captures)
+            raise MapError(
+                f"expected a capture from 0 to {count - 1} of {self.root}, found {capture}"
+            )
+        return read_tum(path)
+
+    def landmarks(self) -> Landmarks:
+        """3D points of the map, and which keyframes saw them."""
+        from vnav.io.store.artifacts import load_optimised
+
+        return load_optimised(self._folder).landmarks
+
+    def cloud(self) -> PointCloud:
+        """The filtered, coloured cloud."""
+        from vnav.io.formats.ply import read_cloud
+
+        return read_cloud(self._folder.stage("fuse") / "cloud.ply")
+
+    def mesh(self) -> Mesh:
+        """The coloured surface."""
+        from vnav.io.formats.ply import read_mesh
+
+        return read_mesh(self._folder.stage("fuse") / "mesh.ply")
+
+    def grid(self) -> Grid:
+        """The grid of free, occupied and unknown floor."""
+        from vnav.io.formats.grid_files import read_grid
+
+        return read_grid(self._folder.stage("fuse") / "grid.yaml")
+
+    def config(self) -> Config:
+        """The settings that the map was made with; StaleArtifact where it is not finished."""
+        from vnav.pipeline.extend import made_with
+
+        return made_with(self._folder)
+
+    def info(self) -> dict[str, Any]:
+        """What the map holds, and which of its stages are up to date, as plain values."""
+        from vnav.io.store.overview import overview
+
+        return overview(self._folder)
+
+    def locate(
+        self,
+        photo: PhotoSource,
+        *,
+        camera: CameraSource = None,
+        config: ConfigSource = None,
+        remember: bool = False,
+    ) -> PhotoAnswer:
+        """Where a photo, a file or pixels (H, W, 3) uint8 RGB, was taken, or why that is not known.
+
+        ``camera``: its own, a camera.toml or "auto"; None: camera.toml beside the file, EXIF, the
+        map's where the size is the same, else estimated. ``remember`` makes the pose the map's
+        current place; what stands against that is in the warnings. PhotoError or CameraError where
+        the photo cannot be asked.
+        """
+        answer = self._locator(config_of(config), photo_camera_of(camera)).locate(photo_of(photo))
+        return self._remembered(answer) if remember else answer
+
+    def locate_all(
+        self,
+        photos: Sequence[AnyPath],
+        *,
+        camera: CameraSource = None,
+        config: ConfigSource = None,
+        jobs: int = 0,
+        scheduler: str = "",
+        progress: Progress = silent,
+    ) -> Iterator[PhotoAnswer | UnreadablePhoto]:
+        """Answers in the order of the photos, all cores at work, or shared out among processes.
+
+        ``jobs`` and ``scheduler`` as for `vnav.batch.run`. A photo that cannot be read is named
+        with the reason; the others are answered.
+        """
+        settings, source = config_of(config), photo_camera_of(camera)
+        paths = tuple(Path(photo).absolute() if scheduler else Path(photo) for photo in photos)
+        if jobs or scheduler:
+            from vnav.api.locate_many import LocateTask, share_out
+
+            task = LocateTask(paths, self.root.absolute(), settings, source)
+            return share_out(task, jobs=jobs, scheduler=scheduler, progress=progress)
+        from vnav.stages.locate import locate
+
+        return locate(self._locator(settings, source), paths, progress=progress)
+
+    def plan(
+        self,
+        start: PlaceSource,
+        goal: PlaceSource,
+        *,
+        camera: CameraSource = None,
+        config: ConfigSource = None,
+    ) -> "PlanAnswer":
+        """A path from one place to another, or why there is none.
+
+        A place is x, y in metres of the map's world, a located photo, a photo to be located, or
+        for the start "current": where the last remembered photo was taken. The last yaw of the
+        path is where the goal's photo looks. The robot is described in ``config``, section plan.
+        MapError where the map has no grid, or no current place.
+        """
+        from vnav.stages.plan import plan
+
+        settings, warnings = config_of(config), list[str]()
+
+        def pose_of(photo: PhotoSource) -> Array | Rejected:
+            answer = self.locate(photo, camera=camera, config=settings)
+            warnings.extend(answer.warnings)
+            return _pose(answer)
+
+        ends = _place(start, pose_of), _place(goal, pose_of)
+        answer = plan(self._folder, *ends, settings.plan, pose_of)
+        return dataclasses.replace(answer, warnings=tuple(warnings))
+
+    def draw_photo(self, answer: PhotoAnswer, path: AnyPath) -> None:
+        """Write a picture of a photo's file with what was found in it, the map beside it."""
+        from vnav.reporting import overlay
+
+        overlay.draw(answer, self._locator(Config(), None).database, Path(path))
+
+    def draw_plan(self, answer: "PlanAnswer", path: AnyPath) -> None:
+        """Write a PNG of a path on the grid."""
+        from vnav.reporting.plan_picture import write_picture
+
+        write_picture(Path(path), answer)
+
+    def report(self) -> Path:
+        """Write reports/report.html, all about the map on one page; where it is."""
+        from vnav.reporting import map_page
+
+        return map_page.write(self._folder)
+
+    def export(self, out: AnyPath, wanted: Mapping[str, str]) -> dict[str, list[Path]]:
+        """Write parts of the map for other programs, {"cloud": "ply"}; the files of each part."""
+        from vnav.io.store.export import export
+
+        return export(self._folder, Path(out), wanted)
+
+    def _locator(self, config: Config, camera: PhotoCameraSource) -> "Locator":
+        from vnav.stages.locate import Locator
+
+        with self._lock:
+            if self._loaded is None:
+                self._loaded = Locator.open(self._folder, config, camera)
+            loaded = self._loaded
+        return dataclasses.replace(loaded, config=config, camera=camera)
+
+    def _remembered(self, answer: PhotoAnswer) -> PhotoAnswer:
+        """The answer, with a warning where the map cannot be written."""
+        from vnav.stages.locate import remember
+
+        problem = remember(self._folder, answer)
+        if problem is None:
+            return answer
+        return dataclasses.replace(answer, warnings=(*answer.warnings, problem))
+
+
+def open_map(map_dir: AnyPath = "map") -> Map:
+    """The map in a folder; MapError where there is none, or one of another format."""
+    return Map(MapFolder.open(Path(map_dir)))
+
+
+def _place(place: PlaceSource, pose_of: Callable[[PhotoSource], Array | Rejected]) -> "Place":
+    """A place as the stage takes it, who is given the poses of answers and of pixels."""
+    if isinstance(place, PhotoAnswer):
+        return _pose(place)
+    if isinstance(place, np.ndarray):
+        return pose_of(place)
+    if isinstance(place, tuple):
+        x, y = place
+        return float(x), float(y)
+    return place if isinstance(place, str) else Path(place)
+
+
+def _pose(answer: PhotoAnswer) -> Array | Rejected:
+    T_world_camera = answer.T_world_camera
+    return Rejected(answer.reason) if T_world_camera is None else T_world_camera

@@ -1,0 +1,41 @@
+"""What is said of a path: for people, and as a table for other programs."""
+
+from pathlib import Path
+
+import numpy as np
+
+from vnav.core.frame import Rejected
+from vnav.errors import VnavError
+from vnav.io.store.map_folder import write_text
+from vnav.planning.ends import Point
+from vnav.planning.planner import Plan
+from vnav.stages.plan import PlanAnswer
+
+
+def summary(answer: PlanAnswer, start: str, goal: str) -> list[str]:
+    """Lines for a person."""
+    if isinstance(answer.plan, Rejected):
+        return [f"no path: {answer.plan.reason}"]
+    found = answer.plan
+    lines = [f"path       {found.length_m:.2f} m, {len(found.poses)} points"]
+    if np.isfinite(found.clearance_min_m):
+        lines.append(f"clearance  {found.clearance_min_m:.2f} m at least")
+    for name, text, end in (("start", start, found.start), ("goal", goal, found.goal)):
+        moved = f", moved {end.moved_m:.2f} m to {_text(end.snapped)}" if end.moved_m else ""
+        lines.append(f"{name:11}{_text(end.asked)}{moved}  {text}")
+    return lines
+
+
+def write_csv(path: Path, plan: Plan) -> None:
+    """Write a header and a line x,y,yaw for each pose: metres, radians."""
+    rows = "".join(f"{x:.6f},{y:.6f},{yaw:.6f}\n" for x, y, yaw in plan.poses)
+    try:
+        write_text(path, f"x,y,yaw\n{rows}")
+    except OSError as error:
+        raise VnavError(
+            f"expected to write {path}, found: {error.strerror}; name another file with --csv"
+        ) from error
+
+
+def _text(point: Point) -> str:
+    return f"({point[0]:.2f}, {point[1]:.2f})"
