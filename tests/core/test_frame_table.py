@@ -12,7 +12,7 @@ def table(*counts: int) -> FrameTable:
 
 def test_a_span_ends_where_the_reason_or_the_capture_changes() -> None:
     reasons = ["", "dark", "dark", "blurred", "dark", "dark", ""]
-    found = table(5, 2).spans(reasons)
+    found = table(5, 2).lost_spans(reasons)
     assert found == [
         Span(0, 1, 2, "dark"),
         Span(0, 3, 3, "blurred"),
@@ -22,12 +22,12 @@ def test_a_span_ends_where_the_reason_or_the_capture_changes() -> None:
 
 
 def test_where_nothing_is_to_be_said_there_is_no_span() -> None:
-    assert table(3).spans(["", "", ""]) == []
-    assert table(0).spans([]) == []
+    assert table(3).lost_spans(["", "", ""]) == []
+    assert table(0).lost_spans([]) == []
 
 
 def test_the_only_capture_needs_no_name() -> None:
-    assert table(9).named(0, 3, 3) == "frame 3"
+    assert table(9).span_text(0, 3, 3) == "frame 3"
     assert table(9).rows_text(np.array([2, 3, 7])) == "frames 2 to 7"
 
 

@@ -34,8 +34,8 @@ class FrameTable:
     def __len__(self) -> int:
         return len(self.capture)
 
-    def spans(self, reasons: Sequence[str]) -> list["Span"]:
-        """Runs of neighbouring frames of one capture that share a reason; empty ones are none."""
+    def lost_spans(self, reasons: Sequence[str]) -> list["Span"]:
+        """Runs of neighbouring frames of one capture lost for one reason, empty where not lost."""
         rows = zip(self.capture.tolist(), reasons, self.index.tolist(), strict=True)
         found = []
         for (capture, reason), group in groupby(rows, key=lambda row: row[:2]):
@@ -44,7 +44,7 @@ class FrameTable:
                 found.append(Span(capture, index[0], index[-1], reason))
         return found
 
-    def named(self, capture: int, first: int, last: int) -> str:
+    def span_text(self, capture: int, first: int, last: int) -> str:
         """Frames of a capture by their index, for a person."""
         frames = f"frame {first}" if first == last else f"frames {first} to {last}"
         return f"{frames} of capture {capture}" if self.capture.any() else frames
@@ -54,7 +54,7 @@ class FrameTable:
         parts = []
         for capture in np.unique(self.capture[rows]).tolist():
             index = self.index[rows[self.capture[rows] == capture]]
-            parts.append(self.named(capture, int(index[0]), int(index[-1])))
+            parts.append(self.span_text(capture, int(index[0]), int(index[-1])))
         return " and ".join(parts)
 
 

@@ -9,14 +9,14 @@ from numba import njit
 from numpy.typing import NDArray
 
 from vnav.core.arrays import Array
-from vnav.registration.refinement import NEAREST_M
+from vnav.registration.compiled_geometry import MIN_Z_M, inverse
 
-LEAST_TRIALS = 16  # however many agree with the first: three noisy points make a rough motion
+MIN_TRIALS = 16  # however many agree with the first: three noisy points make a rough motion
 
 
 @njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
 def best_motion(
-    chosen: NDArray[np.intp],
+    samples: NDArray[np.intp],
     points_a: Array,
     points_b: Array,
     px_b: Array,
@@ -24,21 +24,19 @@ def best_motion(
     limits: Array,
     confidence: float,
 ) -> Array:
-    """``T_a_b`` (4, 4) of lowest cost among those of the chosen triples (S, 3)."""
-    best, best_cost, needed = np.eye(4), np.inf, float(len(chosen))
-    for trial in range(len(chosen)):
-        if trial >= max(needed, LEAST_TRIALS):
+    """``T_a_b`` (4, 4) of lowest cost among those of the samples (S, 3)."""
+    best, best_cost, needed = np.eye(4), np.inf, float(len(samples))
+    for trial in range(len(samples)):
+        if trial >= max(needed, MIN_TRIALS):
             break
-        rows = chosen[trial]
+        rows = samples[trial]
         T_b_a = _aligned(points_b[rows], points_a[rows])
         cost, inliers = _cost(T_b_a, points_a, points_b, px_b, camera, limits, best_cost)
         if cost < best_cost:
             best, best_cost = T_b_a, cost
             share = max(inliers / len(points_a), 1e-3)
             needed = np.log(1 - confidence) / np.log(1 - share**3 + 1e-12)
-    R = np.ascontiguousarray(best[:3, :3].T)
-    T_a_b = np.eye(4)
-    T_a_b[:3, :3], T_a_b[:3, 3] = R, -R @ np.ascontiguousarray(best[:3, 3])
+    T_a_b: Array = inverse(best)
     return T_a_b
 
 
@@ -66,16 +64,16 @@ def _cost(
     px_b: Array,
     camera: Array,
     limits: Array,
-    most: float,
+    max_cost: float,
 ) -> tuple[float, int]:
-    """Truncated squared residuals summed, and inliers; left off where it exceeds ``most``."""
+    """Truncated squared residuals summed, and inliers; left off where it exceeds ``max_cost``."""
     cost, inliers = 0.0, 0
     fx, fy, cx, cy = camera
     for m in range(len(points_a)):
         X, Y, Z = points_a[m]
         z = T[2, 0] * X + T[2, 1] * Y + T[2, 2] * Z + T[2, 3]
         squared = 1.0
-        if z > NEAREST_M:
+        if z > MIN_Z_M:
             x = T[0, 0] * X + T[0, 1] * Y + T[0, 2] * Z + T[0, 3]
             y = T[1, 0] * X + T[1, 1] * Y + T[1, 2] * Z + T[1, 3]
             u = (fx * x / z + cx - px_b[m, 0]) / limits[0]
@@ -86,6 +84,6 @@ def _cost(
                 squared += w * w
         inliers += squared < 1
         cost += min(squared, 1.0)
-        if cost > most:
+        if cost > max_cost:
             break
     return cost, inliers

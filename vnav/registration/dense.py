@@ -14,11 +14,12 @@ from vnav.core import se3
 from vnav.core.arrays import Array
 from vnav.core.camera import Intrinsics
 from vnav.core.frame import Frame, Rejected
-from vnav.registration.pixels import Compared, Images
+from vnav.registration.image_pair import ImagePair
 from vnav.registration.refinement import CONVERGED
+from vnav.registration.residual_term import ResidualTerm
 
 MOTION_SIGMAS = np.repeat([np.deg2rad(3.0), 0.05], 3)  # rad, m: of a predicted motion
-LARGEST_SIGMAS = 3.0  # of it, that the motion found may be off the prediction
+MAX_SIGMAS = 3.0  # of it, that the motion found may be off the prediction
 BLURS_PX = (12.0, 6.0, 3.0, 1.5)  # of the images that are compared, from coarse to fine
 ITERATIONS = 20  # at each of them
 MIN_OVERLAP = 0.4  # share of the points that fall on a surface of the other image
@@ -49,57 +50,58 @@ def align(
     says how little it knows. Rejected where too little overlaps or agrees, or where the prediction
     is contradicted.
     """
-    images = Images.of(a, b, intrinsics)
+    images = ImagePair.of(a, b, intrinsics)
     T_a_b = predicted
     for blur_px in BLURS_PX:
-        compared = images.blurred(blur_px, config.depth_sigma_per_m2)
-        T_a_b = _descended(compared, T_a_b, predicted)
-    overlap, agreeing = compared[0].agreement(T_a_b)
+        terms = images.terms(blur_px, config.depth_sigma_per_m2)
+        T_a_b = _minimised(terms, T_a_b, predicted)
+    overlap, agreeing = terms[0].agreement(T_a_b)
     if overlap < MIN_OVERLAP:
         return Rejected("too little depth in common")
     if agreeing < MIN_INLIERS:
         return Rejected("surfaces do not agree")
-    if np.abs(_off(T_a_b, predicted)).max() > LARGEST_SIGMAS:
+    if np.abs(_deviation(T_a_b, predicted)).max() > MAX_SIGMAS:
         return Rejected("surfaces contradict the prediction")
-    known, axes, _ = _known(compared, T_a_b)
+    known, axes, _ = _image_information(terms, T_a_b)
     information = (axes * (known + 1)) @ axes.T / np.outer(MOTION_SIGMAS, MOTION_SIGMAS)
     return DenseEstimate(T_a_b, information, bool(known.min() > WELL_CONSTRAINED))
 
 
-def _descended(compared: Sequence[Compared], T_a_b: Array, predicted: Array) -> Array:
+def _minimised(terms: Sequence[ResidualTerm], T_a_b: Array, predicted: Array) -> Array:
     """The motion of least cost near ``T_a_b``, in open directions that which was predicted."""
     for _ in range(ITERATIONS):
-        for one in compared:
-            one.adapt(T_a_b)
-        known, axes, pull = _known(compared, T_a_b)
-        pull += axes.T @ _off(T_a_b, predicted)
-        step = -MOTION_SIGMAS * (axes @ (pull / (known + 1)))
+        for term in terms:
+            term.adapt(T_a_b)
+        known, axes, gradient = _image_information(terms, T_a_b)
+        gradient += axes.T @ _deviation(T_a_b, predicted)
+        step = -MOTION_SIGMAS * (axes @ (gradient / (known + 1)))
         T_a_b = T_a_b @ se3.exp(step)
         if np.abs(step).max() < CONVERGED:
             break
     return T_a_b
 
 
-def _known(compared: Sequence[Compared], T_a_b: Array) -> tuple[Array, Array, Array]:
-    """What the images tell (6,), in units of the prediction's information, by axes; their pull.
+def _image_information(terms: Sequence[ResidualTerm], T_a_b: Array) -> tuple[Array, Array, Array]:
+    """What the images tell (6,), in units of the prediction's information; its axes; the gradient.
 
-    Noise of the gradients seems to tell something too, which is taken off.
+    The axes (6, 6) are columns, and the gradient (6,) is along them. Noise of the image gradients
+    seems to tell something too, which is taken off.
     """
-    told, seeming, gradient = np.zeros((6, 6)), np.zeros((6, 6)), np.zeros(6)
+    told, apparent, gradient = np.zeros((6, 6)), np.zeros((6, 6)), np.zeros(6)
     unit = np.outer(MOTION_SIGMAS, MOTION_SIGMAS)
-    for one in compared:
-        H, by_noise, g = one.equations(T_a_b)
-        known, axes = np.linalg.eigh((H - by_noise) * unit)
+    for term in terms:
+        H, H_noise, g = term.normal_equations(T_a_b)
+        known, axes = np.linalg.eigh((H - H_noise) * unit)
         told += (axes * np.maximum(known, 0)) @ axes.T
-        seeming += H * unit
+        apparent += H * unit
         gradient += g * MOTION_SIGMAS
     known, axes = np.linalg.eigh(told)
     known = np.maximum(known, 0)
-    seems = np.einsum("ik,ij,jk->k", axes, seeming, axes)
-    return known, axes, known / np.maximum(seems, 1e-9) * (axes.T @ gradient)
+    along = np.einsum("ik,ij,jk->k", axes, apparent, axes)
+    return known, axes, known / np.maximum(along, 1e-9) * (axes.T @ gradient)
 
 
-def _off(T_a_b: Array, predicted: Array) -> Array:
+def _deviation(T_a_b: Array, predicted: Array) -> Array:
     """How far (6,) a motion is off the prediction, in the prediction's standard deviations."""
     T = se3.inverse(predicted) @ T_a_b
     return np.asarray(np.concatenate([se3.log_so3(T[:3, :3]), T[:3, 3]]) / MOTION_SIGMAS)

@@ -142,7 +142,7 @@ def described(number: int, capture: Capture) -> dict[str, Any]:
 def report(odometry: Odometry) -> Report:
     """What was tracked, and which frames are lost and why."""
     frames, keyframes = odometry.frames, len(odometry.keyframes)
-    spans = frames.spans(odometry.reasons)
+    spans = frames.lost_spans(odometry.reasons)
     tracked = odometry.reasons.count("")
     is_tracked = np.array([not reason for reason in odometry.reasons])
     degenerate = int((is_tracked & (odometry.segment == LOST)).sum())
@@ -164,6 +164,7 @@ def report(odometry: Odometry) -> Report:
     if len(segments) > 1:
         line += f", in {len(segments)} segments"
     warnings = tuple(
-        f"{frames.named(span.capture, span.first, span.last)} lost: {span.reason}" for span in spans
+        f"{frames.span_text(span.capture, span.first, span.last)} lost: {span.reason}"
+        for span in spans
     )
     return Report("odometry", values, (line,), warnings)

@@ -85,7 +85,7 @@ def _frames(folder: MapFolder, is_optimised: bool) -> dict[str, Any]:
             "landmarks": len(result.landmarks),
             "world": vars(result.world),
         }
-    return values | {"lost": [vars(span) for span in odometry.frames.spans(reasons)]}
+    return values | {"lost": [vars(span) for span in odometry.frames.lost_spans(reasons)]}
 
 
 def _loops(folder: MapFolder) -> dict[str, Any]:
