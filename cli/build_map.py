@@ -1,6 +1,8 @@
 """Make maps of captures."""
 
+from collections.abc import Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
@@ -12,6 +14,11 @@ from vnav.cli.options import (
     require_one_way,
 )
 from vnav.cli.summary import show_map
+
+if TYPE_CHECKING:
+    from vnav.api.building import BuildTask
+    from vnav.core.report import Failed
+    from vnav.pipeline.build import BuiltMap
 
 capture_argument = click.argument("capture_dir", metavar="CAPTURE", type=click.Path(path_type=Path))
 camera_option = click.option(
@@ -72,31 +79,40 @@ def build_map(
     """
     from vnav import config
     from vnav.api.building import BuildTask, build_maps
-    from vnav.core.report import Failed
 
     require_one_way(jobs, scheduler)
-    if len(captures) > 1 and maps_dir is None:
-        raise click.UsageError("expected --maps DIR, where each of several captures gets its map")
     if len(captures) > 1 and trajectory_file is not None:
         raise click.UsageError("expected one CAPTURE with --trajectory, found several")
     resolved, camera = config.load(config_source, settings), camera_file and camera_file.absolute()
     given = trajectory_file and trajectory_file.absolute()
-    tasks: list[BuildTask] = []
-    for capture in captures:
-        folder = maps_dir / capture.resolve().name if maps_dir else map_dir
-        place = folder.absolute()
-        task = BuildTask(capture.absolute(), place, resolved, camera, given, fresh, force)
-        if place in (other.map_dir for other in tasks):
-            raise click.UsageError(f"expected captures of different names, found two {task.name}")
-        tasks.append(task)
-
-    failed = False
+    tasks = [
+        BuildTask(capture.absolute(), place, resolved, camera, given, fresh, force)
+        for capture, place in zip(captures, _places(captures, map_dir, maps_dir), strict=True)
+    ]
     progress = console_progress()
-    for task, result in build_maps(tasks, jobs=jobs or 0, scheduler=scheduler, progress=progress):
-        if isinstance(result, Failed):
-            failed = True
-            name = f"{task.name}: " if len(tasks) > 1 else ""
-            click.echo(f"{result.traceback}vnav: {name}{result.reason}", err=True)
-        else:
-            show_map(task.map_dir, result)
-    return int(failed)
+    results = build_maps(tasks, jobs=jobs or 0, scheduler=scheduler, progress=progress)
+    failed = [_failed(task, result, len(tasks) > 1) for task, result in results]
+    return int(any(failed))
+
+
+def _places(captures: Sequence[Path], map_dir: Path, maps_dir: Path | None) -> list[Path]:
+    """Where the map of each capture goes; UsageError where two would go to the same."""
+    if len(captures) > 1 and maps_dir is None:
+        raise click.UsageError("expected --maps DIR, where each of several captures gets its map")
+    names = [capture.resolve().name for capture in captures]
+    for name in names:
+        if names.count(name) > 1:
+            raise click.UsageError(f"expected captures of different names, found two {name}")
+    return [(maps_dir / name if maps_dir else map_dir).absolute() for name in names]
+
+
+def _failed(task: "BuildTask", result: "BuiltMap | Failed", one_of_several: bool) -> bool:
+    """Tell what became of a task; whether there is no map."""
+    from vnav.core.report import Failed
+
+    if isinstance(result, Failed):
+        name = f"{task.name}: " if one_of_several else ""
+        click.echo(f"{result.traceback}vnav: {name}{result.reason}", err=True)
+        return True
+    show_map(task.map_dir, result)
+    return False

@@ -3,10 +3,14 @@
 import json
 from dataclasses import asdict
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
 from vnav.cli.options import console_progress
+
+if TYPE_CHECKING:
+    from vnav.io.datasets.datasets import Verdict
 
 json_option = click.option("--json", "as_json", is_flag=True, help="Print it as one JSON array.")
 names_argument = click.argument("names", metavar="[NAME]...", nargs=-1)
@@ -108,19 +112,18 @@ def verify(names: tuple[str, ...], root: Path | None, as_json: bool) -> int:
         rows = [{"name": name} | asdict(verdict) for name, verdict in verdicts.items()]
         click.echo(json.dumps(rows + [{"name": name, "files": 0} for name in absent], indent=1))
     else:
-        for name, verdict in verdicts.items():
-            click.echo(f"{name}  {_summary(verdict.missing, verdict.damaged, verdict.files)}")
-        for name in absent:
-            click.echo(f"{name}  not fetched")
-        if not verdicts and not absent:
-            click.echo(f"nothing was fetched to {root}")
+        lines = [f"{name}  {_summary(verdict)}" for name, verdict in verdicts.items()]
+        lines += [f"{name}  not fetched" for name in absent]
+        click.echo("\n".join(lines or [f"nothing was fetched to {root}"]))
     return int(bool(absent) or not all(verdict.whole for verdict in verdicts.values()))
 
 
-def _summary(missing: list[str], damaged: list[str], files: int) -> str:
+def _summary(verdict: "Verdict") -> str:
     wrong = [
         f"{len(names)} {kind} ({', '.join(names[:3])}{', ...' if len(names) > 3 else ''})"
-        for names, kind in ((missing, "missing"), (damaged, "damaged"))
+        for names, kind in ((verdict.missing, "missing"), (verdict.damaged, "damaged"))
         if names
     ]
-    return f"{'; '.join(wrong)} of {files} files" if wrong else f"{files} files, whole"
+    if not wrong:
+        return f"{verdict.files} files, whole"
+    return f"{'; '.join(wrong)} of {verdict.files} files"

@@ -3,6 +3,7 @@
 import json
 from collections.abc import Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING, TypeAlias
 
 import click
 
@@ -14,6 +15,12 @@ from vnav.cli.options import (
     require_one_way,
     warn,
 )
+
+if TYPE_CHECKING:
+    from vnav.api.map import Map
+    from vnav.localisation.answer import PhotoAnswer, UnreadablePhoto
+
+    Answers: TypeAlias = Sequence[PhotoAnswer | UnreadablePhoto]
 
 CAMERA_HELP = (
     "Camera of the photos, a camera.toml, or 'auto' to estimate it. Without it: camera.toml beside"
@@ -62,49 +69,60 @@ def locate(
     from vnav import config
     from vnav.api.map import open_map
     from vnav.io.photos.photos import find_photos
-    from vnav.localisation.answer import PhotoAnswer, UnreadablePhoto, summary
     from vnav.reporting.photo_table import write_csv
 
     require_one_way(jobs, scheduler)
     mapped, resolved = open_map(map_dir), config.load(config_source, settings)
     paths, alone = find_photos(photos), len(photos) == 1 and not photos[0].is_dir()
-    answers: list[PhotoAnswer | UnreadablePhoto]
+    answers: Answers
     if alone:
         answers = [mapped.locate(paths[0], camera=camera, config=resolved, remember=True)]
     else:
-        answers = list(
-            mapped.locate_all(
-                paths,
-                camera=camera,
-                config=resolved,
-                jobs=jobs or 0,
-                scheduler=scheduler,
-                progress=console_progress(),
-            )
+        found = mapped.locate_all(
+            paths,
+            camera=camera,
+            config=resolved,
+            jobs=jobs or 0,
+            scheduler=scheduler,
+            progress=console_progress(),
         )
-
-    said = [answer.as_dict() for answer in answers] if as_json else []
-    if as_json:
-        click.echo(json.dumps(said[0] if alone else said, indent=1, allow_nan=False))
-    for answer in answers:
-        if not as_json:
-            click.echo(summary(answer))
-        if isinstance(answer, PhotoAnswer):
-            for warning in answer.warnings:
-                warn(warning)
-            if overlay:
-                file = overlay if alone else overlay / f"{answer.path.stem}.jpg"
-                mapped.draw_photo(answer, file)
+        answers = list(found)
+    _tell(answers, as_json, alone)
+    if overlay:
+        _draw(mapped, answers, overlay, alone)
     if csv_file:
         write_csv(csv_file, answers)
     return _exit_code(answers)
 
 
-def _exit_code(answers: Sequence[object]) -> int:
+def _tell(answers: "Answers", as_json: bool, alone: bool) -> None:
+    """Answers on stdout, what is doubtful about them on stderr."""
+    from vnav.localisation.answer import PhotoAnswer, summary
+
+    if as_json:
+        said = [answer.as_dict() for answer in answers]
+        click.echo(json.dumps(said[0] if alone else said, indent=1, allow_nan=False))
+    for answer in answers:
+        if not as_json:
+            click.echo(summary(answer))
+        for warning in answer.warnings if isinstance(answer, PhotoAnswer) else ():
+            warn(warning)
+
+
+def _draw(mapped: "Map", answers: "Answers", overlay: Path, alone: bool) -> None:
+    """A picture of each photo that could be read: the file, or files in the folder of that name."""
+    from vnav.localisation.answer import PhotoAnswer
+
+    for answer in answers:
+        if isinstance(answer, PhotoAnswer):
+            mapped.draw_photo(answer, overlay if alone else overlay / f"{answer.path.stem}.jpg")
+
+
+def _exit_code(answers: "Answers") -> int:
     """1 where a photo could not be read, 3 where one was not located."""
     from vnav.localisation.answer import PhotoAnswer
 
     read = [answer for answer in answers if isinstance(answer, PhotoAnswer)]
     if len(read) < len(answers):
         return 1
-    return 0 if all(answer.best is not None for answer in read) else 3
+    return 0 if all(answer.located for answer in read) else 3

@@ -2,6 +2,7 @@
 
 import shutil
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from pathlib import Path
 
 from vnav.errors import MapError
@@ -13,7 +14,7 @@ Writer = Callable[[MapFolder, Path], list[Path]]
 
 
 def export(folder: MapFolder, out: Path, wanted: Mapping[str, str]) -> dict[str, list[Path]]:
-    """Write what is wanted (kinds and formats of `FORMATS`) into ``out``; the files of each kind.
+    """Write what is wanted, parts and formats of `PARTS`, into ``out``; the files of each part.
 
     Files of the same names are replaced. StaleArtifact names the command to run where a stage is
     missing, before anything is written; MapError where ``out`` lies in the map or cannot be
@@ -24,11 +25,11 @@ def export(folder: MapFolder, out: Path, wanted: Mapping[str, str]) -> dict[str,
             f"expected to export to a folder outside the map {folder.root}, found {out}; name"
             " another with --out"
         )
-    for kind in wanted:
-        folder.stage(STAGE_OF[kind])
+    for part in wanted:
+        folder.stage(PARTS[part].stage)
     try:
         out.mkdir(parents=True, exist_ok=True)
-        return {kind: FORMATS[kind][form](folder, out) for kind, form in wanted.items()}
+        return {part: PARTS[part].formats[form](folder, out) for part, form in wanted.items()}
     except OSError as error:
         raise MapError(
             f"expected to write to {out}, found: {error.strerror}; name another folder with --out"
@@ -68,12 +69,32 @@ def _obj(folder: MapFolder, out: Path) -> list[Path]:
     return [out / "mesh.obj"]
 
 
-FORMATS: dict[str, dict[str, Writer]] = {
-    "trajectory": {"tum": _trajectories, "kitti": _kitti_trajectories},
-    "cloud": {"ply": _copy("fuse", "cloud.ply")},
-    "octomap": {"bt": _copy("fuse", "occupancy.bt"), "ot": _copy("fuse", "occupancy.ot")},
-    "grid": {"pgm": _copy("fuse", "grid.pgm", "grid.yaml")},
-    "mesh": {"ply": _copy("fuse", "mesh.ply"), "obj": _obj},
-    "graph": {"g2o": _copy("optimise", "graph.g2o")},
+@dataclass(frozen=True)
+class Part:
+    """Something that a map holds: what it is, the stage that makes it, and a writer a format."""
+
+    meaning: str
+    stage: str
+    formats: Mapping[str, Writer]
+
+
+PARTS = {
+    "trajectory": Part(
+        "Poses of all frames.",
+        "optimise",
+        {"tum": _trajectories, "kitti": _kitti_trajectories},
+    ),
+    "cloud": Part("The coloured cloud.", "fuse", {"ply": _copy("fuse", "cloud.ply")}),
+    "octomap": Part(
+        "Occupied and free space.",
+        "fuse",
+        {"bt": _copy("fuse", "occupancy.bt"), "ot": _copy("fuse", "occupancy.ot")},
+    ),
+    "grid": Part(
+        "The grid, as ROS map_server reads it.",
+        "fuse",
+        {"pgm": _copy("fuse", "grid.pgm", "grid.yaml")},
+    ),
+    "mesh": Part("The coloured surface.", "fuse", {"ply": _copy("fuse", "mesh.ply"), "obj": _obj}),
+    "graph": Part("The pose graph.", "optimise", {"g2o": _copy("optimise", "graph.g2o")}),
 }
-STAGE_OF = {kind: "optimise" if kind in ("trajectory", "graph") else "fuse" for kind in FORMATS}
