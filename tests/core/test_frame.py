@@ -66,3 +66,11 @@ def test_columns_of_different_length_are_refused() -> None:
 def test_an_edge_needs_a_transform_and_an_information_matrix() -> None:
     with pytest.raises(ValueError, match=r"shape \(6, 6\), found \(3, 3\)"):
         Edge(0, 1, np.eye(4), np.eye(3))
+
+
+def test_an_edge_with_added_noise_has_both_noises() -> None:
+    variances = np.arange(1, 7) * 1e-5
+    edge = Edge(0, 1, np.eye(4), np.diag(1 / variances))
+    noisier = edge.with_added_noise(0.01, 0.02)
+    added = np.repeat([0.01**2, 0.02**2], 3)
+    np.testing.assert_allclose(np.diag(np.linalg.inv(noisier.information)), variances + added)

@@ -9,16 +9,10 @@ from vnav.config import RegistrationConfig
 from vnav.core import se3
 from vnav.core.camera import Intrinsics
 from vnav.core.frame import Edge
-from vnav.optimisation.bundle import (
-    LARGEST_OFFSET,
-    OFFSET_SIGMA,
-    Bundle,
-    Observations,
-    SensorModel,
-    adjust,
-    covariances,
-    depth_offset,
-)
+from vnav.optimisation import bundle
+from vnav.optimisation import depth_offset as offsets
+from vnav.optimisation.bundle_graph import BundleProblem
+from vnav.optimisation.sensor_model import Bundle, Observations, SensorModel
 
 CAMERA = Intrinsics(640, 480, 525.0, 525.0, 319.5, 239.5)
 CONFIG = RegistrationConfig()
@@ -47,6 +41,22 @@ def measured(truth: Bundle, rng: np.random.Generator, noise: float = 1.0) -> Obs
         len(camera)
     )
     return Observations(landmark, camera, px, inverse)
+
+
+def adjust(
+    initial: Bundle, seen: Observations, edges: list[Edge], model: SensorModel, iterations: int
+) -> Bundle:
+    return bundle.adjust(initial, BundleProblem(seen, edges, model), iterations)
+
+
+def covariances(
+    found: Bundle, seen: Observations, edges: list[Edge], model: SensorModel
+) -> np.ndarray:
+    return bundle.covariances(found, BundleProblem(seen, edges, model))
+
+
+def depth_offset(found: Bundle, seen: Observations, edges: list[Edge], model: SensorModel) -> float:
+    return offsets.depth_offset(found, BundleProblem(seen, edges, model))
 
 
 def without_depth(seen: Observations, rows: np.ndarray) -> Observations:
@@ -319,7 +329,7 @@ TOLD = 4 * 2e-5
 def test_an_offset_of_all_inverse_depths_is_found(offset: float) -> None:
     rng = np.random.default_rng(16)
     truth = scene(rng)
-    seen = measured(truth, rng, 0.01).less(-offset)
+    seen = measured(truth, rng, 0.01).without_offset(-offset)
     assert depth_offset(truth, seen, [], sharp(0.01)) == pytest.approx(offset, abs=TOLD)
 
 
@@ -336,14 +346,14 @@ def test_an_offset_that_noise_hides_is_not_guessed() -> None:
     # Known to 2e-3 1/m only, so that the prior leaves a hundredth of what seems to be.
     rng = np.random.default_rng(18)
     truth = scene(rng)
-    seen = measured(truth, rng).less(-OFFSET_SIGMA)
-    assert depth_offset(truth, seen, [], MODEL) == pytest.approx(0, abs=OFFSET_SIGMA / 2)
+    seen = measured(truth, rng).without_offset(-offsets.OFFSET_SIGMA)
+    assert depth_offset(truth, seen, [], MODEL) == pytest.approx(0, abs=offsets.OFFSET_SIGMA / 2)
 
 
 def test_more_than_a_sensor_may_be_off_is_no_offset() -> None:
     rng = np.random.default_rng(19)
     truth = scene(rng)
-    seen = measured(truth, rng, 0.01).less(-2 * LARGEST_OFFSET)
+    seen = measured(truth, rng, 0.01).without_offset(-2 * offsets.LARGEST_OFFSET)
     assert depth_offset(truth, seen, [], sharp(0.01)) == 0
 
 

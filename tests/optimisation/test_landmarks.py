@@ -10,8 +10,10 @@ from vnav.core import se3
 from vnav.core.camera import Intrinsics
 from vnav.core.frame import Edge, Features
 from vnav.core.mapping import FrameFeatures
-from vnav.optimisation.bundle import Prior, SensorModel
-from vnav.optimisation.landmarks import Adjusted, Tracks, adjust_landmarks
+from vnav.optimisation.bundle_graph import PosePrior
+from vnav.optimisation.feature_tracks import FeatureTracks
+from vnav.optimisation.landmarks import AdjustedBundle, adjust_landmarks
+from vnav.optimisation.sensor_model import SensorModel
 
 CAMERA = Intrinsics(640, 480, 525.0, 525.0, 319.5, 239.5)
 NOISE = RegistrationConfig()
@@ -30,9 +32,9 @@ class Scene:
     matches: np.ndarray
 
     def adjusted(
-        self, start: np.ndarray, matches: np.ndarray | None = None, prior: Prior | None = None
-    ) -> Adjusted:
-        tracks = Tracks(self.keyframes, self.matches if matches is None else matches)
+        self, start: np.ndarray, matches: np.ndarray | None = None, prior: PosePrior | None = None
+    ) -> AdjustedBundle:
+        tracks = FeatureTracks(self.keyframes, self.matches if matches is None else matches)
         model = SensorModel([CAMERA] * len(self.keyframes), NOISE)
         return adjust_landmarks(start, tracks, joined(start), model, CONFIG, prior)
 
@@ -92,7 +94,7 @@ def disturbed(T: np.ndarray, seed: int = 0) -> np.ndarray:
     return T @ se3.exp(xi)
 
 
-def observed(result: Adjusted) -> set[tuple[int, int]]:
+def observed(result: AdjustedBundle) -> set[tuple[int, int]]:
     """FrameFeatures and feature of every observation."""
     landmarks = result.landmarks
     return set(zip(landmarks.keyframe.tolist(), landmarks.feature.tolist(), strict=True))
@@ -120,7 +122,7 @@ def test_landmarks_lie_where_the_points_are() -> None:
 
 def test_fixed_poses_stay_and_landmarks_are_adjusted_to_them() -> None:
     made = scene(1)
-    result = made.adjusted(made.T, prior=Prior(made.T, np.zeros(6), fixed=True))
+    result = made.adjusted(made.T, prior=PosePrior(made.T, np.zeros(6), fixed=True))
     np.testing.assert_array_equal(result.T_world_camera, made.T)
     np.testing.assert_array_equal(result.covariance, np.zeros((KEYFRAMES, 6, 6)))
     # Of SHARED points with noise of their own; better than the mean of their depths alone.
@@ -246,7 +248,7 @@ def test_a_keyframe_that_shares_nothing_is_held_by_its_given_motion() -> None:
 def test_one_keyframe_alone_has_landmarks_from_its_depth() -> None:
     made = scene(11)
     only = Scene(made.T[:1], made.points, made.keyframes[:1], np.zeros((0, 4), np.int32))
-    tracks = Tracks(only.keyframes, only.matches)
+    tracks = FeatureTracks(only.keyframes, only.matches)
     result = adjust_landmarks(only.T, tracks, [], SensorModel([CAMERA], NOISE), CONFIG)
     np.testing.assert_array_equal(result.T_world_camera, only.T)
     assert len(result.landmarks) == SHARED + ALONE
@@ -265,7 +267,7 @@ def test_the_same_keyframes_give_the_same_landmarks() -> None:
 @pytest.mark.parametrize("rounds", [1, 3])
 def test_rounds_are_set_by_the_configuration(rounds: int) -> None:
     made = scene(13)
-    tracks = Tracks(made.keyframes, made.matches)
+    tracks = FeatureTracks(made.keyframes, made.matches)
     model = SensorModel([CAMERA] * KEYFRAMES, NOISE)
     config = OptimiseConfig(bundle_rounds=rounds)
     start = disturbed(made.T)
@@ -284,7 +286,10 @@ def test_depth_that_is_too_short_far_away_is_allowed_for() -> None:
 
 def test_one_round_allows_for_nothing() -> None:
     made = scene(14, noise=0.02, offset=3e-4)
-    tracks, model = Tracks(made.keyframes, made.matches), SensorModel([CAMERA] * KEYFRAMES, NOISE)
+    tracks, model = (
+        FeatureTracks(made.keyframes, made.matches),
+        SensorModel([CAMERA] * KEYFRAMES, NOISE),
+    )
     start = disturbed(made.T)
     config = OptimiseConfig(bundle_rounds=1)
     assert adjust_landmarks(start, tracks, joined(start), model, config).depth_offset == 0

@@ -1,6 +1,7 @@
-"""Pose graphs over a walk in circles whose truth is known; noise is what the edges' own says."""
+"""Pose graphs over walks in circles, whole or in segments, whose truth is known.
 
-from pathlib import Path
+Noise is what the edges' own says.
+"""
 
 import numpy as np
 import pytest
@@ -10,6 +11,7 @@ from vnav.core.frame import Edge
 from vnav.core.graph import chain
 from vnav.core.mapping import LOST
 from vnav.optimisation import pose_graph
+from vnav.optimisation.segments import align_segments
 
 SIGMAS = np.array([0.002, 0.002, 0.002, 0.005, 0.005, 0.005])  # rad, m: of a good registration
 INFORMATION = np.diag(SIGMAS**-2)
@@ -57,35 +59,6 @@ def errors(poses: np.ndarray, T: np.ndarray) -> np.ndarray:
 
 def chained(count: int, edges: list[Edge]) -> np.ndarray:
     return chain(count, edges, [0])[0]
-
-
-def test_chained_exact_edges_give_the_walk() -> None:
-    T = walk(LAP)
-    exact = [Edge(k, k + 1, se3.inverse(T[k]) @ T[k + 1], INFORMATION) for k in range(LAP - 1)]
-    poses, segment = chain(LAP, exact, [0])
-    np.testing.assert_allclose(poses, T, atol=1e-9)
-    assert not segment.any()
-
-
-def test_edges_chain_backwards_as_well() -> None:
-    T = walk(3)
-    back = [Edge(k + 1, k, se3.inverse(T[k + 1]) @ T[k], INFORMATION) for k in range(2)]
-    np.testing.assert_allclose(chained(3, back), T, atol=1e-9)
-
-
-def test_frames_that_no_edge_reaches_are_lost() -> None:
-    step = Edge(0, 1, np.eye(4), INFORMATION)
-    poses, segment = chain(4, [step], [0])
-    assert segment.tolist() == [0, 0, LOST, LOST]
-    assert np.isnan(poses[2:]).all()
-
-
-def test_every_connected_run_is_a_segment_that_starts_at_its_first_root() -> None:
-    edges = [Edge(1, 2, np.eye(4), INFORMATION), Edge(4, 3, np.eye(4), INFORMATION)]
-    poses, segment = chain(6, edges, [0, 1, 3, 4])
-    assert segment.tolist() == [0, 1, 1, 2, 2, LOST]
-    for root in (0, 1, 3):
-        np.testing.assert_array_equal(poses[root], np.eye(4))
 
 
 def test_closures_take_the_drift_out() -> None:
@@ -182,33 +155,35 @@ def test_the_same_graph_gives_the_same_bytes() -> None:
     assert first.tobytes() == second.tobytes()
 
 
-def segments(T: np.ndarray, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray, list[Edge]]:
+def two_segments(
+    T: np.ndarray, rng: np.random.Generator
+) -> tuple[np.ndarray, np.ndarray, list[Edge]]:
     """Two laps as two segments, each in a frame of reference of its own, and their edges."""
     edges = [e for e in steps(T, rng) if e.i != LAP - 1]
     return *chain(len(T), edges, [0, LAP]), edges
 
 
-def test_held_poses_stay_and_turn_down_the_closures_that_disagree() -> None:
+def test_given_poses_stay_and_closures_that_disagree_are_rejected() -> None:
     rng, T = np.random.default_rng(8), walk(2 * LAP)
     T[5] = np.nan
     right = [e for e in laps(T, rng) if e.i != 5]
-    found = pose_graph.held(T, [*right, *wrong(walk(2 * LAP), 5, rng)], MAX_SIGMAS)
+    found = pose_graph.check_closures(T, [*right, *wrong(walk(2 * LAP), 5, rng)], MAX_SIGMAS)
     np.testing.assert_array_equal(found.T_world_camera, T)
     assert found.kept.tolist() == [True] * len(right) + [False] * 5
     assert found.closure_sigmas[: len(right)].max() < MAX_SIGMAS  # 24 / 6 squared: once in 10^17
 
 
-def test_held_poses_without_closures_are_legal() -> None:
-    assert pose_graph.held(walk(3), [], MAX_SIGMAS).kept.tolist() == []
+def test_given_poses_without_closures_are_legal() -> None:
+    assert pose_graph.check_closures(walk(3), [], MAX_SIGMAS).kept.tolist() == []
 
 
 def test_segments_are_joined_where_closures_agree() -> None:
     # Half of the closures between the segments are wrong, each in its own way.
     T, rng = walk(2 * LAP), np.random.default_rng(10)
-    poses, segment, edges = segments(T, rng)
+    poses, segment, edges = two_segments(T, rng)
     crossing = [e for e in wrong(T, 60, rng) if e.i < LAP <= e.j][:10]
     closures = [*crossing, *laps(T, rng)]
-    joined, part = pose_graph.join(poses, segment, ONE, closures)
+    joined, part = align_segments(poses, segment, ONE, closures)
     assert not part.any()
     # The second segment hangs on one closure, which drift in either lap may put off: 2 mrad a
     # step over 40 steps and 4 m, and 5 mm a step: 0.05 + 0.03 m; three times that.
@@ -219,9 +194,9 @@ def test_segments_are_joined_where_closures_agree() -> None:
 
 def test_segments_that_no_closure_joins_stay_apart() -> None:
     T, rng = walk(2 * LAP), np.random.default_rng(11)
-    poses, segment, edges = segments(T, rng)
+    poses, segment, edges = two_segments(T, rng)
     inside = [edge(T, 0, 20, rng)]
-    joined, part = pose_graph.join(poses, segment, ONE, inside)
+    joined, part = align_segments(poses, segment, ONE, inside)
     np.testing.assert_array_equal(part, segment)
     np.testing.assert_array_equal(joined, poses)
     graph = pose_graph.optimise(joined, edges, inside, MAX_SIGMAS)
@@ -232,7 +207,7 @@ def test_three_segments_become_one_part_by_way_of_the_middle_one() -> None:
     T, rng = walk(3 * LAP), np.random.default_rng(12)
     edges = [e for e in steps(T, rng) if e.j % LAP]
     poses, segment = chain(len(T), edges, [0, LAP, 2 * LAP])
-    joined, part = pose_graph.join(poses, segment, ONE, laps(T, rng))
+    joined, part = align_segments(poses, segment, ONE, laps(T, rng))
     assert not part.any()
     assert errors(joined, T).max() < 0.5  # twice the limit of two segments
 
@@ -240,12 +215,12 @@ def test_three_segments_become_one_part_by_way_of_the_middle_one() -> None:
 @pytest.mark.parametrize(("closures", "joined"), [(2, False), (3, True)])
 def test_captures_are_joined_where_three_closures_agree(closures: int, joined: bool) -> None:
     T, rng = walk(2 * LAP), np.random.default_rng(14)
-    poses, segment, _ = segments(T, rng)
+    poses, segment, _ = two_segments(T, rng)
     crossing = [e for e in wrong(T, 60, rng) if e.i < LAP <= e.j][:5]  # each in its own way
     found = [*crossing, *laps(T, rng)[:closures]]
-    _, part = pose_graph.join(poses, segment, segment, found)
+    _, part = align_segments(poses, segment, segment, found)
     assert (not part.any()) == joined
-    _, part = pose_graph.join(poses, segment, ONE, found[:1])
+    _, part = align_segments(poses, segment, ONE, found[:1])
     assert not part.any()  # within a capture one will do
 
 
@@ -256,91 +231,39 @@ def test_a_capture_that_is_joined_does_not_vouch_for_its_other_segments() -> Non
     poses, segment = chain(len(T), edges, [0, LAP, 2 * LAP])
     capture = np.minimum(segment, 1)
     between = [e for e in laps(T, rng) if e.j < 2 * LAP]
-    _, part = pose_graph.join(poses, segment, capture, [*between, edge(T, 3, 2 * LAP + 3, rng)])
+    _, part = align_segments(poses, segment, capture, [*between, edge(T, 3, 2 * LAP + 3, rng)])
     assert np.unique(part).tolist() == [0, 2]
     inside = edge(T, LAP + 3, 2 * LAP + 3, rng)
-    _, part = pose_graph.join(poses, segment, capture, [*between, inside])
+    _, part = align_segments(poses, segment, capture, [*between, inside])
     assert not part.any()
 
 
 def test_lost_frames_belong_to_no_part() -> None:
     T, rng = walk(2 * LAP), np.random.default_rng(13)
-    poses, segment, _ = segments(T, rng)
+    poses, segment, _ = two_segments(T, rng)
     poses[5], segment[5] = np.nan, LOST
-    joined, part = pose_graph.join(poses, segment, ONE, laps(T, rng)[2:])
+    joined, part = align_segments(poses, segment, ONE, laps(T, rng)[2:])
     assert part[5] == LOST
     assert np.isnan(joined[5]).all()
 
 
-def test_a_way_along_edges_has_their_motion_and_their_noise_together() -> None:
-    # By drawing: 1000 draws tell a variance to 4.5 %, the trace of six to less; five times that.
-    T = walk(4)
-    rng = np.random.default_rng(0)
-    (way,) = pose_graph.along(steps(T, rng), [(0, 3)])
-    drawn = [pose_graph.along(steps(T, rng), [(0, 3)])[0].T_i_j for _ in range(1000)]
-    off = se3.inverse(se3.inverse(T[0]) @ T[3]) @ np.array(drawn)
-    xi = np.concatenate([[*se3.log_so3(D[:3, :3]), *D[:3, 3]] for D in off]).reshape(-1, 6)
-    assert (way.i, way.j) == (0, 3)
-    squared = np.einsum("ni,ij,nj->n", xi, way.information, xi)
-    assert squared.mean() == pytest.approx(6, rel=0.2)
-
-
-def test_a_way_along_edges_is_the_surest() -> None:
-    T = walk(4)
-    exact = [Edge(k, k + 1, se3.inverse(T[k]) @ T[k + 1], INFORMATION) for k in range(3)]
-    sure = Edge(0, 3, se3.inverse(T[0]) @ T[3], 4 * INFORMATION)
-    vague = Edge(0, 3, se3.exp([0, 0, 0, 1.0, 0, 0]), INFORMATION / 100)
-    (way,) = pose_graph.along([*exact, vague, sure], [(0, 3)])
-    np.testing.assert_allclose(way.information, sure.information)
-    np.testing.assert_allclose(way.T_i_j, sure.T_i_j)
-
-
-def test_frames_that_no_way_joins_have_none() -> None:
-    T = walk(6)
-    apart = [e for e in steps(T, np.random.default_rng(0)) if e.i != 2]
-    assert [(e.i, e.j) for e in pose_graph.along(apart, [(0, 2), (1, 4), (3, 5)])] == [
-        (0, 2),
-        (3, 5),
-    ]
-
-
-def test_carried_frames_keep_the_held_ones_and_spread_the_rest() -> None:
-    # Held ends 0.1 m farther apart than the edges say: the frames between share it evenly.
+def test_fixed_poses_stay_and_the_others_share_the_error() -> None:
+    # Fixed ends 0.1 m farther apart than the edges say: the frames between share it evenly.
     T = np.stack([se3.make(np.eye(3), [k, 0, 0]) for k in range(5)])
     edges = [Edge(k, k + 1, T[1], INFORMATION) for k in range(4)]
     moved = T.copy()
     moved[4, 0, 3] = 4.1
-    carried = pose_graph.carry(moved, edges, np.array([0, 4]))
-    np.testing.assert_allclose(carried[[0, 4]], moved[[0, 4]], atol=1e-9)
-    np.testing.assert_allclose(carried[:, 0, 3], [0, 1.025, 2.05, 3.075, 4.1], atol=1e-4)
+    found = pose_graph.optimise_others(moved, edges, np.array([0, 4]))
+    np.testing.assert_allclose(found[[0, 4]], moved[[0, 4]], atol=1e-9)
+    np.testing.assert_allclose(found[:, 0, 3], [0, 1.025, 2.05, 3.075, 4.1], atol=1e-4)
 
 
-def test_carried_frames_without_a_pose_stay_nan() -> None:
+def test_frames_without_a_pose_stay_nan_beside_fixed_ones() -> None:
     T = np.stack([np.eye(4)] * 3)
     T[2] = np.nan
-    carried = pose_graph.carry(T, [Edge(0, 1, np.eye(4), INFORMATION)], np.array([0]))
-    assert np.isnan(carried[2]).all()
-    assert np.isfinite(carried[:2]).all()
-
-
-def test_a_softened_edge_has_both_noises() -> None:
-    rng = np.random.default_rng(14)
-    soft = pose_graph.softened(edge(walk(2), 0, 1, rng), 0.01, 0.02)
-    variances = np.diag(np.linalg.inv(soft.information))
-    np.testing.assert_allclose(variances, SIGMAS**2 + np.repeat([0.01**2, 0.02**2], 3))
-
-
-def test_the_g2o_file_holds_every_pose_and_every_edge_between_them(tmp_path: Path) -> None:
-    T, rng = walk(6), np.random.default_rng(15)
-    T[5] = np.nan
-    edges = steps(walk(6), rng)
-    pose_graph.write_g2o(str(tmp_path / "graph.g2o"), T, edges)
-    lines = [line.split() for line in (tmp_path / "graph.g2o").read_text().splitlines()]
-    vertices = {line[1]: line[2:] for line in lines if line[0] == "VERTEX_SE3:QUAT"}
-    assert sorted(vertices) == ["0", "1", "2", "3", "4"]
-    np.testing.assert_allclose(np.array(vertices["3"][:3], float), T[3, :3, 3], atol=1e-4)
-    pairs = [tuple(line[1:3]) for line in lines if line[0] == "EDGE_SE3:QUAT"]
-    assert pairs == [("0", "1"), ("1", "2"), ("2", "3"), ("3", "4")]
+    found = pose_graph.optimise_others(T, [Edge(0, 1, np.eye(4), INFORMATION)], np.array([0]))
+    assert np.isnan(found[2]).all()
+    assert np.isfinite(found[:2]).all()
 
 
 def test_the_self_test_passes() -> None:

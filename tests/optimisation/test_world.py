@@ -10,7 +10,8 @@ import pytest
 from vnav.core import se3
 from vnav.core.camera import Intrinsics
 from vnav.core.mapping import World
-from vnav.optimisation.world import Surface, find_world, in_given, kept_world, seen_surface
+from vnav.optimisation.surface import Surface, sample_surface
+from vnav.optimisation.world import align_to_previous, existing_world, find_world
 
 NOISE_M = 0.01
 HEIGHT_M, TILT_DEG = 0.003, 0.2
@@ -185,7 +186,7 @@ def depth_of(normal: list[float], offset: float) -> np.ndarray:
 
 def test_seen_surfaces_lie_on_the_plane_with_normals_towards_the_camera() -> None:
     # A floor 1.2 m below a level camera: y points down.
-    seen = seen_surface([depth_of([0, 1, 0], 1.2)], [CAMERA], np.eye(4)[None], 8.0)
+    seen = sample_surface([depth_of([0, 1, 0], 1.2)], [CAMERA], np.eye(4)[None], 8.0)
     assert len(seen.points) > 50
     np.testing.assert_allclose(seen.points[:, 1], 1.2, atol=1e-5)  # float32 of depth
     np.testing.assert_allclose(
@@ -196,8 +197,8 @@ def test_seen_surfaces_lie_on_the_plane_with_normals_towards_the_camera() -> Non
 
 def test_a_surface_seen_again_counts_once() -> None:
     depth = depth_of([0, 0, 1], 2.0)
-    once = seen_surface([depth], [CAMERA], np.eye(4)[None], 8.0)
-    twice = seen_surface([depth] * 2, [CAMERA] * 2, np.stack([np.eye(4)] * 2), 8.0)
+    once = sample_surface([depth], [CAMERA], np.eye(4)[None], 8.0)
+    twice = sample_surface([depth] * 2, [CAMERA] * 2, np.stack([np.eye(4)] * 2), 8.0)
     np.testing.assert_array_equal(once.points, twice.points)
 
 
@@ -205,15 +206,15 @@ def test_no_surface_is_seen_across_a_depth_edge() -> None:
     # Half at 1 m, half at 3 m, both facing the camera: a bridge would face sideways.
     depth = depth_of([0, 0, 1], 1.0)
     depth[:, 80:] = 3.0
-    seen = seen_surface([depth], [CAMERA], np.eye(4)[None], 8.0)
+    seen = sample_surface([depth], [CAMERA], np.eye(4)[None], 8.0)
     assert (seen.normals[:, 2] < -0.99).all()
     assert {round(float(z), 3) for z in seen.points[:, 2]} == {1.0, 3.0}
 
 
 def test_no_depth_gives_no_surface() -> None:
     empty = np.zeros((CAMERA.height, CAMERA.width), np.float32)
-    assert len(seen_surface([empty], [CAMERA], np.eye(4)[None], 8.0).points) == 0
-    assert len(seen_surface([], [], np.zeros((0, 4, 4)), 8.0).points) == 0
+    assert len(sample_surface([empty], [CAMERA], np.eye(4)[None], 8.0).points) == 0
+    assert len(sample_surface([], [], np.zeros((0, 4, 4)), 8.0).points) == 0
 
 
 def test_a_given_world_says_where_its_floor_lies() -> None:
@@ -221,7 +222,7 @@ def test_a_given_world_says_where_its_floor_lies() -> None:
     T_floor_given, found_world = find_world(
         surface(FLOOR, *WALLS), cameras(), np.random.default_rng(0)
     )
-    world = in_given(found_world, T_floor_given, cameras()[0])
+    world = existing_world(found_world, T_floor_given, cameras()[0], "given")
     up = T_any_room[:3, 2]
     foot = cameras()[0, :3, 3] - 1.2 * up  # the cameras are 1.2 m above the floor
     assert world.source == "given"
@@ -247,19 +248,21 @@ def test_a_kept_world_is_found_wherever_the_cameras_stand(move: np.ndarray) -> N
     T_any_camera = se3.make(se3.exp_so3(rng.uniform(-1, 1, (9, 3))), move)
     T_world_before = T_world_any @ T_any_camera @ se3.exp(noise * rng.standard_normal((9, 6)))
     T_world_before[4] = np.nan
-    found = kept_world(T_world_before, T_any_camera @ se3.exp(noise * rng.standard_normal((9, 6))))
+    found = align_to_previous(
+        T_world_before, T_any_camera @ se3.exp(noise * rng.standard_normal((9, 6)))
+    )
     off = se3.inverse(T_world_any) @ found
     assert np.linalg.norm(off[:3, 3] + (off[:3, :3] - np.eye(3)) @ move.mean(0)) < 0.014
     assert se3.rotation_angle(off) < 0.014
 
 
 def test_a_kept_world_says_where_its_floor_lies() -> None:
-    world = in_given(World("floor", 9, 0.0), np.eye(4), np.eye(4), "kept")
+    world = existing_world(World("floor", 9, 0.0), np.eye(4), np.eye(4), "kept")
     assert (world.source, world.floor_z_m, world.floor_tilt_deg) == ("kept", 0.0, 0.0)
     assert world.doubt == ""
 
 
 def test_a_given_world_in_which_no_floor_is_seen_says_so() -> None:
-    world = in_given(World("cameras", 0, None), np.eye(4), np.eye(4))
+    world = existing_world(World("cameras", 0, None), np.eye(4), np.eye(4), "given")
     assert (world.source, world.floor_z_m, world.floor_tilt_deg) == ("given", None, None)
     assert world.doubt.startswith("no floor was seen")

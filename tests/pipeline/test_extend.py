@@ -17,7 +17,7 @@ from vnav.io.sources.open_capture import open_capture
 from vnav.io.store.artifacts import load_odometry, load_optimised, save_odometry
 from vnav.io.store.map_folder import STAGES, MapFolder, to_json
 from vnav.pipeline import extend
-from vnav.pipeline.joined import Joined, require_joined
+from vnav.pipeline.connection import Connection, require_connection
 from vnav.stages import fuse, index, loops, optimise, vocabulary
 from vnav.stages.locate import Locator
 
@@ -151,10 +151,10 @@ def test_photos_are_located_by_what_the_other_camera_saw(
 
 
 def test_the_report_tells_what_was_joined(extended: MapFolder) -> None:
-    joined = extended.report("map")["values"]["joined"]
-    assert joined["frames"] == joined["posed"] == MORE
-    assert joined["located"] >= 3
-    assert joined["closures"] >= joined["borne_out"] >= 3
+    found = extended.report("map")["values"]["connection"]
+    assert found["frames"] == found["posed"] == MORE
+    assert found["located"] >= 3
+    assert found["closures"] >= found["agreeing"] >= 3
 
 
 def test_broken_off_it_goes_on_to_the_same_map(
@@ -180,15 +180,15 @@ def test_a_capture_of_another_place_is_refused(folder: MapFolder, elsewhere: Pat
     assert_refused(folder, capture, CaptureError, why)
 
 
-@pytest.mark.parametrize(("posed", "borne_out"), [(0, 9), (24, 2)])
+@pytest.mark.parametrize(("posed", "agreeing"), [(0, 9), (24, 2)])
 def test_a_capture_that_no_loop_joins_where_it_was_located_is_refused(
-    folder: MapFolder, posed: int, borne_out: int
+    folder: MapFolder, posed: int, agreeing: int
 ) -> None:
-    found = Joined(frames=24, posed=posed, asked=8, located=7, closures=9, borne_out=borne_out)
-    why = f"where 7 of its keyframes were located, found 9, of which {borne_out} agree with that"
+    found = Connection(frames=24, posed=posed, tried=8, located=7, closures=9, agreeing=agreeing)
+    why = f"where 7 of its keyframes were located, found 9, of which {agreeing} agree with that"
     with pytest.raises(CaptureError, match=f"expected loops that join other to the map .* {why}"):
-        require_joined(found, "other", folder)
-    require_joined(dataclasses.replace(found, posed=1, borne_out=3), "other", folder)
+        require_connection(found, "other", folder)
+    require_connection(dataclasses.replace(found, posed=1, agreeing=3), "other", folder)
 
 
 def test_a_capture_that_is_in_the_map_is_refused(folder: MapFolder, tiny_capture: Path) -> None:

@@ -18,7 +18,8 @@ from vnav.io.formats.trajectories import read_tum
 from vnav.io.store.artifacts import load_loop_edges, load_loops
 from vnav.io.store.map_folder import MapFolder
 from vnav.io.store.tree_file import load_tree
-from vnav.optimisation import pose_graph
+from vnav.loop_closing.verification import NEIGHBOURS
+from vnav.optimisation.segments import align_segments
 from vnav.stages import loops
 
 CONFIG = Config()
@@ -176,8 +177,9 @@ def test_segments_are_joined_however_soon_one_follows_the_other(
     # The camera is covered for a moment; 2.4 s before and 2.4 s after it sees the same.
     half = first_frames(odometry, 24, cut=12)
     assert set(half.segment.tolist()) == {0, 1}
-    found = loops.close(half, tree, [camera], CONFIG)
-    _, part = pose_graph.join(half.T_segment_camera, half.segment, half.frames.capture, found.edges)
+    found = loops.close_loops(half, tree, [camera], CONFIG)
+    segments = half.T_segment_camera, half.segment, half.frames.capture
+    _, part = align_segments(*segments, found.edges)
     assert set(part.tolist()) == {0}
 
 
@@ -189,23 +191,23 @@ def strict() -> Config:
 def test_keyframes_that_odometry_joined_need_no_more_matches_than_it_demands(
     odometry: Odometry, tree: VocabularyTree, camera: Intrinsics
 ) -> None:
-    found = loops.close(odometry, tree, [camera], strict())
+    found = loops.close_loops(odometry, tree, [camera], strict())
     apart = {v.j - v.i for v in found.verdicts if v.accepted}
-    assert apart == set(range(1, loops.NEIGHBOURS + 1))
+    assert apart == set(range(1, NEIGHBOURS + 1))
 
 
 def test_segments_are_joined_by_what_a_loop_demands(
     odometry: Odometry, tree: VocabularyTree, camera: Intrinsics
 ) -> None:
     half = first_frames(odometry, 24, cut=12)
-    found = loops.close(half, tree, [camera], strict())
+    found = loops.close_loops(half, tree, [camera], strict())
     assert {half.segment[e.i] == half.segment[e.j] for e in found.edges} == {True}
 
 
 def test_one_keyframe_has_no_loop(
     odometry: Odometry, tree: VocabularyTree, camera: Intrinsics
 ) -> None:
-    found = loops.close(first_frames(odometry, 1), tree, [camera], CONFIG)
+    found = loops.close_loops(first_frames(odometry, 1), tree, [camera], CONFIG)
     assert found.verdicts == found.edges == []
     assert found.matches.shape == (0, 4)
 
@@ -221,7 +223,7 @@ def test_the_result_is_the_same_whatever_the_number_of_cores(
     results = []
     for cores in (1, 5):
         monkeypatch.setattr(os, "cpu_count", lambda n=cores: n)
-        results.append(loops.close(part, tree, [camera], config))
+        results.append(loops.close_loops(part, tree, [camera], config))
     first, second = results
     assert first.verdicts == second.verdicts
     assert first.matches.tobytes() == second.matches.tobytes()

@@ -13,7 +13,7 @@ from vnav.config import CaptureConfig, Config
 from vnav.core import se3
 from vnav.core.camera import Intrinsics
 from vnav.core.frame import Edge
-from vnav.core.graph import chain
+from vnav.core.graph import chain, shortest_paths
 from vnav.core.mapping import LOST, Odometry, OptimisedMap
 from vnav.io.formats.trajectories import read_tum
 from vnav.io.sources.open_capture import open_capture
@@ -25,7 +25,8 @@ from vnav.io.store.artifacts import (
     save_odometry,
 )
 from vnav.io.store.map_folder import MapFolder
-from vnav.optimisation import pose_graph, solution
+from vnav.optimisation import keyframe_edges, solution
+from vnav.optimisation.parts import split_parts
 from vnav.stages import loops, optimise, vocabulary
 from vnav.stages import odometry as odometry_stage
 from vnav.synthetic import MINIATURE, one_room
@@ -175,7 +176,7 @@ def test_of_parts_that_nothing_joins_the_largest_is_the_map(
     kept = {(number[e.i], number[e.j]) for e in inside}
     matches = matches[[(i, j) in kept for i, j in matches[:, [0, 2]].tolist()]]
     solved = solution.solve(split, inside, matches, [camera], CONFIG)
-    assert [rows.tolist() for rows in solved.others.values()] == [list(range(40, 60))]
+    assert [rows.tolist() for rows in solved.other_parts.values()] == [list(range(40, 60))]
     assert np.isfinite(solved.poses[:40]).all()
     assert np.isnan(solved.poses[40:]).all()
     outside = [n for row, n in number.items() if row >= 40]
@@ -187,7 +188,7 @@ def test_closures_join_segments_and_all_of_them_are_the_map(
 ) -> None:
     closures, matches = load_loop_edges(folder)
     solved = solution.solve(cut(odometry, 30), closures, matches, [camera], CONFIG)
-    assert not solved.others
+    assert not solved.other_parts
     off = np.linalg.norm(aligned(solved.poses, truth)[:, :3, 3] - truth[:, :3, 3], axis=1)
     assert off.max() < 0.03  # the drift of all 60 frames adds up to 6 mm at the worst
 
@@ -299,10 +300,10 @@ def test_the_main_part_of_an_extended_map_is_what_was_mapped_before() -> None:
     part = np.array([0, 0, 1, 1, 1, LOST], np.int32)
     before = np.full((6, 4, 4), np.nan)
     before[:2] = np.eye(4)
-    main, others = solution._parts(part, before)
+    main, others = split_parts(part, before)
     assert main.tolist() == [True, True, False, False, False, False]
     assert {name: rows.tolist() for name, rows in others.items()} == {"part_2": [2, 3, 4]}
-    assert solution._parts(part)[0].tolist() == [False, False, True, True, True, False]
+    assert split_parts(part)[0].tolist() == [False, False, True, True, True, False]
 
 
 def along(odometry: Odometry, first: int, last: int) -> tuple[Edge, ...]:
@@ -358,7 +359,7 @@ def test_a_long_part_is_not_joined_by_loose_edges(odometry: Odometry, camera: In
         degenerate_edges=along(odometry, half - 1, half),
     )
     solved = solution.solve(apart, (), np.zeros((0, 4), np.int32), [camera], config)
-    assert set(solved.others) == {"part_2"}
+    assert set(solved.other_parts) == {"part_2"}
     joined = solution.solve(
         dataclasses.replace(apart), (), np.zeros((0, 4), np.int32), [camera], CONFIG
     )
@@ -371,8 +372,8 @@ def test_keyframes_that_share_no_landmark_are_as_sure_as_odometry_between_them(
     none = np.zeros((0, 4), np.int32)
     rows = [k.row for k in odometry.keyframes]
     solved = solution.solve(odometry, (), none, [camera], CONFIG)
-    (way,) = pose_graph.along(odometry.edges, [(rows[0], rows[1])])
-    expected = np.linalg.inv(way.information) * solution.ALONG_FACTOR**2
+    (path,) = shortest_paths(odometry.edges, [(rows[0], rows[1])])
+    expected = np.linalg.inv(path.information) * keyframe_edges.PATH_NOISE_FACTOR**2
     np.testing.assert_allclose(solved.adjusted.covariance[1], expected, rtol=1e-2, atol=1e-10)
 
 

@@ -100,6 +100,12 @@ class Edge:
         object.__setattr__(self, "T_i_j", frozen(self.T_i_j, np.float64, (4, 4)))
         object.__setattr__(self, "information", frozen(self.information, np.float64, (6, 6)))
 
+    def with_added_noise(self, sigma_rad: float, sigma_m: float) -> "Edge":
+        """The edge with its covariance grown by the squares of the sigmas."""
+        added = np.repeat([sigma_rad**2, sigma_m**2], 3)
+        covariance = np.linalg.inv(self.information) + np.diag(added)
+        return Edge(self.i, self.j, self.T_i_j, np.linalg.inv(covariance))
+
 
 @dataclass(frozen=True)
 class PoseEstimate:

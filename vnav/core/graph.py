@@ -1,4 +1,4 @@
-"""Walks over a graph of frames and the edges between them."""
+"""Walks over a graph of frames and the edges between them: poses, components, shortest paths."""
 
 from collections.abc import Sequence
 
@@ -18,39 +18,85 @@ def chain(
 
     Each segment starts at its first root; frames that no edge reaches are NaN and LOST.
     """
-    joined = _joined(edges)
+    neighbours = _neighbours(edges)
     poses = np.full((count, 4, 4), np.nan)
     segment = np.full(count, LOST, np.int32)
     for root in roots:
         if segment[root] == LOST:
             poses[root] = np.eye(4)
-            segment[_fill(poses, joined, [root])] = segment.max() + 1
+            segment[_fill(poses, neighbours, [root])] = segment.max() + 1
     return poses, segment
 
 
-def reached(poses: Array, edges: Sequence[Edge]) -> Array:
+def propagate_poses(poses: Array, edges: Sequence[Edge]) -> Array:
     """Poses (N, 4, 4) with those filled in, NaN before, that edges reach from known ones."""
     poses = poses.copy()
-    _fill(poses, _joined(edges), np.flatnonzero(np.isfinite(poses[:, 0, 0])).tolist())
+    _fill(poses, _neighbours(edges), np.flatnonzero(np.isfinite(poses[:, 0, 0])).tolist())
     return poses
 
 
-def _joined(edges: Sequence[Edge]) -> dict[int, list[tuple[int, Array]]]:
-    """The frames that each frame has an edge to, and how these stand to it."""
-    joined: dict[int, list[tuple[int, Array]]] = {}
+def component_roots(nodes: NDArray[np.intp], edges: Sequence[Edge]) -> list[int]:
+    """The first node of each connected component, ascending; edges are between these nodes."""
+    parent = {int(n): int(n) for n in nodes}
+
+    def root(n: int) -> int:
+        while parent[n] != n:
+            parent[n] = n = parent[parent[n]]
+        return n
+
     for e in edges:
-        joined.setdefault(e.i, []).append((e.j, e.T_i_j))
-        joined.setdefault(e.j, []).append((e.i, se3.inverse(e.T_i_j)))
-    return joined
+        a, b = sorted((root(e.i), root(e.j)))
+        parent[b] = a
+    return sorted({root(int(n)) for n in nodes})
+
+
+def shortest_paths(edges: Sequence[Edge], pairs: Sequence[tuple[int, int]]) -> list[Edge]:
+    """For each pair (i, j), i < j, the edge composed along the path with the least variance.
+
+    Paths go forward, from a frame to a later one. A pair that no path joins is left out.
+    Covariances add up as if the errors of edges were independent.
+    """
+    into: dict[int, list[Edge]] = {}
+    for e in edges:
+        into.setdefault(e.j, []).append(e)
+    paths = [(i, j, _shortest_path(into, i, j)) for i, j in pairs]
+    return [Edge(i, j, p[0], np.asarray(np.linalg.inv(p[1]))) for i, j, p in paths if p is not None]
+
+
+def _shortest_path(
+    into: dict[int, list[Edge]], first: int, last: int
+) -> tuple[Array, Array] | None:
+    """Motion and covariance (6, 6) from a frame to a later one, None where no path joins them."""
+    paths = {first: (np.eye(4), np.zeros((6, 6)))}
+    for row in range(first + 1, last + 1):
+        found = [_composed(*paths[e.i], e) for e in into.get(row, ()) if e.i in paths]
+        if found:
+            paths[row] = min(found, key=lambda path: float(np.trace(path[1])))
+    return paths.get(last)
+
+
+def _composed(T: Array, covariance: Array, e: Edge) -> tuple[Array, Array]:
+    """A motion and its covariance, followed by an edge."""
+    adjoint = se3.adjoint(se3.inverse(e.T_i_j))
+    return T @ e.T_i_j, adjoint @ covariance @ adjoint.T + np.linalg.inv(e.information)
+
+
+def _neighbours(edges: Sequence[Edge]) -> dict[int, list[tuple[int, Array]]]:
+    """For each frame, the frames it has an edge to and their relative poses."""
+    found: dict[int, list[tuple[int, Array]]] = {}
+    for e in edges:
+        found.setdefault(e.i, []).append((e.j, e.T_i_j))
+        found.setdefault(e.j, []).append((e.i, se3.inverse(e.T_i_j)))
+    return found
 
 
 def _fill(
-    poses: Array, joined: dict[int, list[tuple[int, Array]]], known: Sequence[int]
+    poses: Array, neighbours: dict[int, list[tuple[int, Array]]], known: Sequence[int]
 ) -> list[int]:
     """Fill in poses that are NaN, breadth first from known ones; the rows of both."""
     rows = list(known)
     for i in rows:
-        for j, T_i_j in joined.get(i, ()):
+        for j, T_i_j in neighbours.get(i, ()):
             if np.isnan(poses[j, 0, 0]):
                 poses[j] = poses[i] @ T_i_j
                 rows.append(j)

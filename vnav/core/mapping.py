@@ -113,6 +113,11 @@ class Odometry:
     T_world_before: NDArray[np.float64] | None = None
     degenerate_edges: tuple[Edge, ...] = ()
 
+    @property
+    def keyframe_rows(self) -> NDArray[np.intp]:
+        """Row (K,) of each keyframe in the frame table, ascending."""
+        return np.array([keyframe.row for keyframe in self.keyframes], np.intp)
+
 
 @dataclass(frozen=True)
 class LoopVerdict:

@@ -32,6 +32,13 @@ def transform(T_a_b: ArrayLike, points_b: ArrayLike) -> Array:
     return np.asarray(rotated + T_a_b[..., None, :3, 3])
 
 
+def adjoint(T: ArrayLike) -> Array:
+    """Matrix (6, 6) that maps tangents on the right of T (4, 4) to tangents on its left."""
+    T = np.asarray(T, float)
+    R = T[:3, :3]
+    return np.block([[R, np.zeros((3, 3))], [np.cross(T[:3, 3], R.T).T, R]])
+
+
 def hat(v: ArrayLike) -> Array:
     """Skew-symmetric matrices (..., 3, 3) with ``hat(v) @ w == cross(v, w)``."""
     v = np.asarray(v, float)

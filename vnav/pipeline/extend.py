@@ -27,8 +27,13 @@ from vnav.io.store.map_folder import STAGES, MapFolder
 from vnav.io.store.replacement import replacing
 from vnav.io.store.stage_reports import clock, finished, reused, settings_of
 from vnav.pipeline.build import BuiltMap, run_stages, whole
-from vnav.pipeline.joined import joined, require_joined, require_seen, told
-from vnav.pipeline.recognise import recognise
+from vnav.pipeline.connection import (
+    connection,
+    require_connection,
+    require_same_place,
+    with_connection,
+)
+from vnav.pipeline.relocalise import relocalise
 from vnav.stages.odometry import described, report, track
 from vnav.threads import one_blas_thread
 
@@ -50,22 +55,22 @@ def extend(
     """
     started = clock()
     entry = described(len(folder.captures), capture)
-    _require_fit(folder, entry, config)
+    _require_compatible(folder, entry, config)
     checked = require_usable(capture, force=force, progress=progress)
     with replacing(folder) as draft:
         draft.set_captures([*folder.captures, entry])
         tracked = _track(folder, draft, capture, config, progress)
         both = load_odometry(draft)
-        seen = recognise(folder, both, map_camera(draft, -1), config, progress)
-        require_seen(seen, capture.name, folder)
+        located = relocalise(folder, both, map_camera(draft, -1), config, progress)
+        require_same_place(located, capture.name, folder)
         posed = run_stages(draft, ("vocabulary", "loops", "optimise"), config, progress)
-        found = joined(draft, both, seen)
-        require_joined(found, capture.name, folder)
+        found = connection(draft, both, located)
+        require_connection(found, capture.name, folder)
         reports = [tracked, *posed, *run_stages(draft, ("fuse", "index"), config, progress)]
         current = folder.current()
         if current is not None:  # its world is kept
             draft.write_current(current)
-        reports.append(finished(draft, told(found, whole(draft)), started))
+        reports.append(finished(draft, with_connection(whole(draft), found), started))
     return BuiltMap(checked.warnings, reports)
 
 
@@ -81,7 +86,7 @@ def made_with(folder: MapFolder) -> Config:
     return updated(Config(), changes, f"the stages of {folder.root}")
 
 
-def _require_fit(folder: MapFolder, entry: dict[str, Any], config: Config) -> None:
+def _require_compatible(folder: MapFolder, entry: dict[str, Any], config: Config) -> None:
     """MapError, ConfigError or CaptureError where the capture cannot be joined to such a map."""
     made = made_with(folder)
     if load_odometry(folder).given:
@@ -147,13 +152,13 @@ def append(old: Odometry, new: Odometry, T_world_camera: Array) -> Odometry:
         np.concatenate([old.T_segment_camera, new.T_segment_camera]),
         np.append(old.segment, np.where(new.segment == LOST, LOST, new.segment + segments)),
         old.reasons + new.reasons,
-        old.edges + tuple(_moved(edge, rows) for edge in new.edges),
+        old.edges + tuple(_shifted(edge, rows) for edge in new.edges),
         old.keyframes + tuple(dataclasses.replace(k, row=k.row + rows) for k in new.keyframes),
         T_world_before=np.concatenate([T_world_camera, nowhere]),
         degenerate_edges=old.degenerate_edges
-        + tuple(_moved(edge, rows) for edge in new.degenerate_edges),
+        + tuple(_shifted(edge, rows) for edge in new.degenerate_edges),
     )
 
 
-def _moved(edge: Edge, rows: int) -> Edge:
+def _shifted(edge: Edge, rows: int) -> Edge:
     return Edge(edge.i + rows, edge.j + rows, edge.T_i_j, edge.information)

@@ -12,8 +12,8 @@ from vnav.core.frame import Rejected
 from vnav.core.grid import Grid
 from vnav.planning.astar import search
 from vnav.planning.costmap import Costmap, costmap
-from vnav.planning.ends import End, Point, choose_ends
 from vnav.planning.smoothing import smooth
+from vnav.planning.snapping import Point, SnappedPoint, snap_start_and_goal
 
 
 @dataclass(frozen=True)
@@ -35,8 +35,8 @@ class Plan:
     poses: Array
     length_m: float
     clearance_min_m: float
-    start: End
-    goal: End
+    start: SnappedPoint
+    goal: SnappedPoint
     expanded: int
 
 
@@ -56,19 +56,20 @@ def plan_path(
     heading at the goal; without one the path's last direction is kept.
     """
     costs = costmap(grid, uncertainty_m, config)
-    ends = choose_ends(costs, start, goal, config.tolerance_m)
-    if isinstance(ends, Rejected):
-        return Rejected(ends.reason + _remedy(grid, (start, goal), uncertainty_m, config))
-    route = search(costs.costs, ends[0].cell, ends[1].cell)
+    snapped = snap_start_and_goal(costs, start, goal, config.tolerance_m)
+    if isinstance(snapped, Rejected):
+        return Rejected(snapped.reason + _remedy(grid, (start, goal), uncertainty_m, config))
+    first, last = snapped
+    route = search(costs.costs, first.cell, last.cell)
     if isinstance(route, Rejected):
         return route
     inner = grid.centres_of(route.cells[1:-1])
-    points = np.concatenate([[ends[0].snapped], inner, [ends[1].snapped]])
-    path = _world(grid, smooth(_in_cells(grid, points), costs.costs))
+    points = np.concatenate([[first.snapped], inner, [last.snapped]])
+    path = _in_metres(grid, smooth(_in_cells(grid, points), costs.costs))
     path[0], path[-1] = points[0], points[-1]
     poses = _poses(_densified(path, config.spacing_m), final_yaw_rad)
     length_m = float(np.hypot(*np.diff(path, axis=0).T).sum())
-    return Plan(poses, length_m, _clearance_m(costs, path), *ends, route.expanded)
+    return Plan(poses, length_m, _clearance_m(costs, path), first, last, route.expanded)
 
 
 def heading_rad(T_world_camera: ArrayLike) -> float:
@@ -92,7 +93,7 @@ def _remedy(grid: Grid, ends: tuple[Point, Point], uncertainty_m: float, config:
         ),
     ):
         other = costmap(grid, uncertainty_m, dataclasses.replace(config, **change))
-        if not isinstance(choose_ends(other, *ends, config.tolerance_m), Rejected):
+        if not isinstance(snap_start_and_goal(other, *ends, config.tolerance_m), Rejected):
             return advice
     return ""
 
@@ -102,7 +103,7 @@ def _in_cells(grid: Grid, points: Array) -> Array:
     return (points - grid.origin) / grid.resolution_m
 
 
-def _world(grid: Grid, points: Array) -> Array:
+def _in_metres(grid: Grid, points: Array) -> Array:
     return points * grid.resolution_m + grid.origin
 
 

@@ -14,7 +14,7 @@ from vnav.errors import VnavError
 from vnav.planning.costmap import costmap
 from vnav.planning.planner import Plan
 from vnav.reporting.figures import COLORS, extent_of, grid_image, legend, map_figure
-from vnav.stages.plan import PlanAnswer, PlanEnd
+from vnav.stages.plan import FloorPose, PlanAnswer
 
 INFLATED, PATH = (1.0, 0.88, 0.80), "#1565c0"
 ENDS = (("start", "#2e7d32", "o"), ("goal", "#c62828", "s"))
@@ -52,7 +52,7 @@ def plan_figure(answer: PlanAnswer) -> Figure:
         axes.plot(*found.poses[:, :2].T, color=PATH, lw=2, solid_capstyle="round")
         entries.append(Line2D([], [], color=PATH, lw=2, label=f"path, {found.length_m:.2f} m"))
     for (name, color, marker), place in zip(ENDS, answer.places, strict=True):
-        if isinstance(place, PlanEnd):
+        if isinstance(place, FloorPose):
             axes.plot(*place.point, marker, color=color, ms=9, mfc="none", mew=1.5, zorder=4)
             entries.append(Line2D([], [], color=color, ls="", marker=marker, label=name))
     if found:

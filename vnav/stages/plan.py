@@ -17,8 +17,8 @@ from vnav.errors import MapError
 from vnav.io.formats.grid_files import read_grid
 from vnav.io.store.artifacts import load_optimised
 from vnav.io.store.map_folder import MapFolder
-from vnav.planning.ends import End, Point
 from vnav.planning.planner import Plan, heading_rad, plan_path
+from vnav.planning.snapping import Point, SnappedPoint
 
 CURRENT = "current"
 Pose = Array | Rejected  # T_world_camera of a photo, or why it is not known
@@ -27,7 +27,7 @@ Locate = Callable[[Path], Pose]
 
 
 @dataclass(frozen=True)
-class PlanEnd:
+class FloorPose:
     """A point on the floor and, where a photo was taken there, its heading."""
 
     point: Point
@@ -42,7 +42,7 @@ class PlanAnswer:
     """
 
     plan: Plan | Rejected
-    places: tuple[PlanEnd | Rejected, PlanEnd | Rejected]
+    places: tuple[FloorPose | Rejected, FloorPose | Rejected]
     grid: Grid
     uncertainty_m: float
     config: PlanConfig
@@ -63,8 +63,8 @@ class PlanAnswer:
         """Plain values for JSON; null for what is not known."""
         plan = self.found
         clearance_m = plan.clearance_min_m if plan else np.inf
-        ends = (plan.start, plan.goal) if plan else (None, None)
-        start, goal = (_plain(*each) for each in zip(self.places, ends, strict=True))
+        points = (plan.start, plan.goal) if plan else (None, None)
+        start, goal = (_plain(*each) for each in zip(self.places, points, strict=True))
         return {
             "found": plan is not None,
             "reason": self.reason or None,
@@ -91,9 +91,9 @@ def plan(
     grid = read_grid(folder.stage("fuse") / "grid.yaml")
     uncertainty_m = min(map_uncertainty_m(load_optimised(folder)), config.max_uncertainty_m)
     clock.append(time.monotonic())
-    places = _end(folder, start, locate), _end(folder, goal, locate)
+    places = _floor_pose(folder, start, locate), _floor_pose(folder, goal, locate)
     clock.append(time.monotonic())
-    found = _between(places, grid, uncertainty_m, config)
+    found = _plan_between(places, grid, uncertainty_m, config)
     clock.append(time.monotonic())
     spent = np.round(np.diff(clock), 3).tolist()
     seconds = dict(zip(("load", "locate", "plan"), spent, strict=True))
@@ -114,19 +114,19 @@ def map_uncertainty_m(optimised: OptimisedMap) -> float:
     return float(np.sqrt(sum(variances)))
 
 
-def _end(folder: MapFolder, place: Place, locate: Locate) -> PlanEnd | Rejected:
+def _floor_pose(folder: MapFolder, place: Place, locate: Locate) -> FloorPose | Rejected:
     """Where a place is on the floor; why that is not known, where a photo was not located."""
     if isinstance(place, Rejected):
         return place
     if isinstance(place, tuple):
-        return PlanEnd(place)
+        return FloorPose(place)
     if isinstance(place, np.ndarray):
         return _seen_from(place)
     if place == CURRENT:
         return _seen_from(_current(folder))
     point = _point(str(place))
     if point is not None:
-        return PlanEnd(point)
+        return FloorPose(point)
     T_world_camera = locate(Path(place))
     if isinstance(T_world_camera, Rejected):
         return Rejected(f"the photo {place} was not located: {T_world_camera.reason}")
@@ -153,13 +153,13 @@ def _current(folder: MapFolder) -> Array:
     return np.array(pose["T_world_camera"], float)
 
 
-def _seen_from(T_world_camera: Array) -> PlanEnd:
+def _seen_from(T_world_camera: Array) -> FloorPose:
     x, y = T_world_camera[:2, 3].tolist()
-    return PlanEnd((x, y), heading_rad(T_world_camera))
+    return FloorPose((x, y), heading_rad(T_world_camera))
 
 
-def _between(
-    places: tuple[PlanEnd | Rejected, PlanEnd | Rejected],
+def _plan_between(
+    places: tuple[FloorPose | Rejected, FloorPose | Rejected],
     grid: Grid,
     uncertainty_m: float,
     config: PlanConfig,
@@ -179,9 +179,9 @@ def _between(
     )
 
 
-def _plain(place: PlanEnd | Rejected, end: End | None) -> dict[str, Any]:
+def _plain(place: FloorPose | Rejected, point: SnappedPoint | None) -> dict[str, Any]:
     return {
-        "asked": list(place.point) if isinstance(place, PlanEnd) else None,
-        "snapped": list(end.snapped) if end else None,
-        "moved_m": end.moved_m if end else None,
+        "asked": list(place.point) if isinstance(place, FloorPose) else None,
+        "snapped": list(point.snapped) if point else None,
+        "moved_m": point.moved_m if point else None,
     }

@@ -34,6 +34,11 @@ def map_camera(folder: MapFolder, capture: int = 0) -> Intrinsics:
     return Intrinsics(**(camera | {"distortion": tuple(camera.get("distortion", ()))}))
 
 
+def map_cameras(folder: MapFolder) -> list[Intrinsics]:
+    """The camera of each capture of this map."""
+    return [map_camera(folder, k) for k in range(len(folder.captures))]
+
+
 def save_odometry(draft: Path, odometry: Odometry) -> None:
     """Write frames, edges and keyframes."""
     frames, before = odometry.frames, odometry.T_world_before

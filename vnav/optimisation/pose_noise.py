@@ -9,21 +9,21 @@ from vnav.core.arrays import Array
 from vnav.core.frame import Edge
 from vnav.core.robust import robust_sigma
 
-ENOUGH = 10  # closures; fewer tell no noise
-LARGEST = np.array([0.1, 0.3])  # rad, m: poses farther off are not noisy but wrong
+MIN_CLOSURES = 10  # fewer tell no noise
+MAX_SCATTER = np.array([0.1, 0.3])  # rad, m: poses farther off are not noisy but wrong
 
 
-def noise(T_world_camera: Array, closures: Sequence[Edge]) -> Array:
+def pose_noise(T_world_camera: Array, closures: Sequence[Edge]) -> Array:
     """Standard deviations (6,) of given poses (N, 4, 4), rad and m, as closures show them.
 
     It is how far two poses stand otherwise to each other than closures say, in the median, which
     wrong closures do not reach; half of the variance is each pose's. Zero where the closures' own
     noise explains it, where they are too few, and where poses are too far off to be noisy.
     """
-    if len(closures) < ENOUGH:
+    if len(closures) < MIN_CLOSURES:
         return np.zeros(6)
     scatter, own = _scatter(T_world_camera, closures)
-    if (scatter <= own).all() or (scatter > LARGEST).any():
+    if (scatter <= own).all() or (scatter > MAX_SCATTER).any():
         return np.zeros(6)
     return np.asarray(np.repeat(scatter, 3) / np.sqrt(2))
 

@@ -1,4 +1,4 @@
-"""Where a path may begin and end: the cells asked for, or the nearest that the robot can be in."""
+"""Start and goal snapped to the costmap: moved to the nearest cells that the robot can be in."""
 
 from dataclasses import dataclass
 
@@ -10,11 +10,11 @@ from vnav.core.grid import OCCUPIED, UNKNOWN
 from vnav.planning.costmap import Costmap
 
 Point = tuple[float, float]  # x, y in the world, metres
-_AT_ONCE = 4096  # straight ways that are looked at together, so that they take little memory
+_BATCH = 4096  # straight lines that are checked together, so that they take little memory
 
 
 @dataclass(frozen=True)
-class End:
+class SnappedPoint:
     """A start or goal: the point that was asked for and the one that is used, ``moved_m`` away."""
 
     asked: Point
@@ -24,7 +24,7 @@ class End:
 
 
 @dataclass(frozen=True)
-class _Choices:
+class _Candidates:
     """Cells (M, 2) that could stand for a point, nearest first, and how far off they are (M,)."""
 
     point: Point
@@ -32,9 +32,9 @@ class _Choices:
     moved_m: NDArray[np.float64]
 
 
-def choose_ends(
+def snap_start_and_goal(
     costmap: Costmap, start: Point, goal: Point, tolerance_m: float
-) -> tuple[End, End] | Rejected:
+) -> tuple[SnappedPoint, SnappedPoint] | Rejected:
     """The cells nearest to start and goal, both in one region; Rejected where there are none.
 
     A point is moved by ``tolerance_m`` at most, and only where the robot cannot be at it or cannot
@@ -42,26 +42,26 @@ def choose_ends(
     inflated space or the unknown that it lies in, but never enters an obstacle, nor inflated space
     from outside: a goal is not moved through a wall, nor through a gap too narrow for the robot.
     """
-    choices = []
+    candidates = []
     for name, point in (("start", start), ("goal", goal)):
-        near = _choices(costmap, point, tolerance_m)
+        near = _candidates(costmap, point, tolerance_m)
         if not len(near.cells):
-            return Rejected(_nowhere(costmap, name, point, tolerance_m))
-        choices.append(near)
-    nearest = [_nearest_in_region(costmap, near) for near in choices]
+            return Rejected(_no_cell_reason(costmap, name, point, tolerance_m))
+        candidates.append(near)
+    nearest = [_nearest_in_region(costmap, near) for near in candidates]
     common = sorted(nearest[0].keys() & nearest[1].keys())
     if not common:
-        return Rejected(_apart(costmap, choices))
+        return Rejected(_separate_reason(costmap, candidates))
     moved = [
-        sum(c.moved_m[n[region]] for c, n in zip(choices, nearest, strict=True))
+        sum(c.moved_m[n[region]] for c, n in zip(candidates, nearest, strict=True))
         for region in common
     ]
     region = common[int(np.argmin(moved))]
-    ends = [_end(costmap, c, n[region]) for c, n in zip(choices, nearest, strict=True)]
-    return ends[0], ends[1]
+    snapped = [_snapped(costmap, c, n[region]) for c, n in zip(candidates, nearest, strict=True)]
+    return snapped[0], snapped[1]
 
 
-def _choices(costmap: Costmap, point: Point, tolerance_m: float) -> _Choices:
+def _candidates(costmap: Costmap, point: Point, tolerance_m: float) -> _Candidates:
     grid = costmap.grid
     cells = np.argwhere(costmap.costs > 0)
     moved_m = np.hypot(*(grid.centres_of(cells) - point).T)
@@ -69,18 +69,20 @@ def _choices(costmap: Costmap, point: Point, tolerance_m: float) -> _Choices:
     near = np.flatnonzero(moved_m <= tolerance_m)
     near = near[np.argsort(moved_m[near], kind="stable")]
     cells, moved_m = cells[near], moved_m[near]
-    parts = np.array_split(grid.centres_of(cells), 1 + len(cells) // _AT_ONCE)
-    straight = np.concatenate([_may_move(costmap, point, part) for part in parts])
-    return _Choices(point, cells[straight], moved_m[straight])
+    parts = np.array_split(grid.centres_of(cells), 1 + len(cells) // _BATCH)
+    straight = np.concatenate([_line_leads_out(costmap, point, part) for part in parts])
+    return _Candidates(point, cells[straight], moved_m[straight])
 
 
-def _may_move(costmap: Costmap, point: Point, centres: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """Whether the straight ways (M,) from a point to places (M, 2) only ever lead out."""
+def _line_leads_out(
+    costmap: Costmap, point: Point, centres: NDArray[np.float64]
+) -> NDArray[np.bool_]:
+    """Whether straight lines (M,) from a point to others (M, 2) only lead out of obstacles."""
     grid = costmap.grid
     farthest_m = np.hypot(*(centres - point).T).max(initial=0)
     parts = np.linspace(0, 1, 2 + int(2 * farthest_m / grid.resolution_m))
-    ways = grid.cells_at(point + parts[:, None] * (centres[:, None] - point))
-    inside, (rows, columns) = grid.contains(ways), np.moveaxis(ways, -1, 0)
+    lines = grid.cells_at(point + parts[:, None] * (centres[:, None] - point))
+    inside, (rows, columns) = grid.contains(lines), np.moveaxis(lines, -1, 0)
     rows, columns = np.where(inside, rows, 0), np.where(inside, columns, 0)
     states = np.where(inside, grid.cells[rows, columns], UNKNOWN)
     depth = np.where(states == OCCUPIED, 2, costmap.inflated[rows, columns] & inside)
@@ -89,20 +91,22 @@ def _may_move(costmap: Costmap, point: Point, centres: NDArray[np.float64]) -> N
     return np.asarray((np.diff(depth, axis=1) <= 0).all(1))
 
 
-def _nearest_in_region(costmap: Costmap, choices: _Choices) -> dict[int, int]:
-    """For each region, the first of the choices that lies in it."""
-    rows, columns = choices.cells.T
+def _nearest_in_region(costmap: Costmap, candidates: _Candidates) -> dict[int, int]:
+    """For each region, the first of the candidates that lies in it."""
+    rows, columns = candidates.cells.T
     regions, first = np.unique(costmap.regions[rows, columns], return_index=True)
     return dict(zip(regions.tolist(), first.tolist(), strict=True))
 
 
-def _end(costmap: Costmap, choices: _Choices, index: int) -> End:
-    moved_m, (row, column) = float(choices.moved_m[index]), choices.cells[index].tolist()
+def _snapped(costmap: Costmap, candidates: _Candidates, index: int) -> SnappedPoint:
+    moved_m, (row, column) = float(candidates.moved_m[index]), candidates.cells[index].tolist()
     x, y = costmap.grid.centres_of((row, column)).tolist()
-    return End(choices.point, (x, y) if moved_m else choices.point, moved_m, (row, column))
+    return SnappedPoint(
+        candidates.point, (x, y) if moved_m else candidates.point, moved_m, (row, column)
+    )
 
 
-def _nowhere(costmap: Costmap, name: str, point: Point, tolerance_m: float) -> str:
+def _no_cell_reason(costmap: Costmap, name: str, point: Point, tolerance_m: float) -> str:
     """Why there is no cell for a point."""
     cells = np.argwhere(costmap.costs > 0)
     if not len(cells):
@@ -110,12 +114,13 @@ def _nowhere(costmap: Costmap, name: str, point: Point, tolerance_m: float) -> s
     away_m = np.hypot(*(costmap.grid.centres_of(cells) - point).T).min()
     beyond = " and beyond an obstacle" if away_m <= tolerance_m else ""
     return (
-        f"the {name} ({point[0]:.2f}, {point[1]:.2f}) {_state(costmap, point)}; the nearest cell"
-        f" the robot can be in is {away_m:.2f} m away{beyond}, the tolerance is {tolerance_m:g} m"
+        f"the {name} ({point[0]:.2f}, {point[1]:.2f}) {_state_text(costmap, point)};"
+        f" the nearest cell the robot can be in is {away_m:.2f} m away{beyond},"
+        f" the tolerance is {tolerance_m:g} m"
     )
 
 
-def _state(costmap: Costmap, point: Point) -> str:
+def _state_text(costmap: Costmap, point: Point) -> str:
     grid = costmap.grid
     row, column = grid.cells_at(point).tolist()
     if not grid.contains((row, column)):
@@ -127,9 +132,9 @@ def _state(costmap: Costmap, point: Point) -> str:
     return "lies in unknown space"
 
 
-def _apart(costmap: Costmap, choices: list[_Choices]) -> str:
+def _separate_reason(costmap: Costmap, candidates: list[_Candidates]) -> str:
     areas = []
-    for near in choices:
+    for near in candidates:
         region = costmap.regions[tuple(near.cells[0])]
         areas.append((costmap.regions == region).sum() * costmap.grid.resolution_m**2)
     return f"start and goal lie in separate regions, of {areas[0]:.1f} and {areas[1]:.1f} m2"

@@ -7,7 +7,7 @@ from vnav.config import PlanConfig
 from vnav.core.frame import Rejected
 from vnav.core.grid import FREE, OCCUPIED, UNKNOWN, Grid
 from vnav.planning.costmap import Costmap, costmap
-from vnav.planning.ends import End, choose_ends
+from vnav.planning.snapping import SnappedPoint, snap_start_and_goal
 
 # A point robot on cells of 10 cm: only occupied cells and their neighbours' corners matter.
 CONFIG = PlanConfig(robot_radius_m=0.0)
@@ -21,30 +21,30 @@ def _map(*rows: str, robot_radius_m: float = 0.0) -> Costmap:
     return costmap(Grid((0, 0), 0.1, cells), 0.0, config)
 
 
-def _ends(
+def _snapped(
     where: Costmap, start: tuple[float, float], goal: tuple[float, float], tolerance_m: float = 0.5
-) -> tuple[End, End]:
-    ends = choose_ends(where, start, goal, tolerance_m)
-    assert not isinstance(ends, Rejected)
-    return ends
+) -> tuple[SnappedPoint, SnappedPoint]:
+    snapped = snap_start_and_goal(where, start, goal, tolerance_m)
+    assert not isinstance(snapped, Rejected)
+    return snapped
 
 
 def _reason(
     where: Costmap, start: tuple[float, float], goal: tuple[float, float], tolerance_m: float = 0.5
 ) -> str:
-    ends = choose_ends(where, start, goal, tolerance_m)
-    assert isinstance(ends, Rejected)
-    return ends.reason
+    snapped = snap_start_and_goal(where, start, goal, tolerance_m)
+    assert isinstance(snapped, Rejected)
+    return snapped.reason
 
 
 def test_places_where_the_robot_can_be_are_not_moved() -> None:
-    start, goal = _ends(_map(".........", "........."), (0.03, 0.07), (0.81, 0.19))
+    start, goal = _snapped(_map(".........", "........."), (0.03, 0.07), (0.81, 0.19))
     assert (start.asked, start.snapped, start.moved_m) == ((0.03, 0.07), (0.03, 0.07), 0)
     assert (start.cell, goal.cell) == ((0, 0), (1, 8))
 
 
 def test_a_goal_in_an_obstacle_is_moved_to_the_nearest_cell_and_the_distance_is_told() -> None:
-    _, goal = _ends(_map("....##.."), (0.05, 0.05), (0.45, 0.05))
+    _, goal = _snapped(_map("....##.."), (0.05, 0.05), (0.45, 0.05))
     assert goal.snapped == pytest.approx((0.35, 0.05))
     assert goal.moved_m == pytest.approx(0.1)
     assert goal.asked == (0.45, 0.05)
@@ -52,13 +52,13 @@ def test_a_goal_in_an_obstacle_is_moved_to_the_nearest_cell_and_the_distance_is_
 
 def test_a_goal_too_near_an_obstacle_is_moved_to_where_the_robot_fits() -> None:
     where = _map(".......", ".......", "#######", robot_radius_m=0.12)
-    _, goal = _ends(where, (0.05, 0.25), (0.35, 0.15))
+    _, goal = _snapped(where, (0.05, 0.25), (0.35, 0.15))
     # 0.1 m from the wall's centre is too near, 0.2 m is not: 0.12 m and half a diagonal of 0.07 m
     assert goal.snapped == pytest.approx((0.35, 0.25))
 
 
 def test_a_start_outside_the_grid_may_be_near_enough_to_be_moved_into_it() -> None:
-    start, _ = _ends(_map("......"), (-0.15, 0.05), (0.45, 0.05))
+    start, _ = _snapped(_map("......"), (-0.15, 0.05), (0.45, 0.05))
     assert start.snapped == pytest.approx((0.05, 0.05))
     assert start.moved_m == pytest.approx(0.2)
 
@@ -67,7 +67,7 @@ def test_no_place_is_moved_farther_than_the_tolerance() -> None:
     reason = _reason(_map("..####"), (0.05, 0.05), (0.55, 0.05), tolerance_m=0.35)
     assert "goal (0.55, 0.05) lies in an obstacle" in reason
     assert "0.40 m away, the tolerance is 0.35 m" in reason
-    assert _ends(_map("..####"), (0.05, 0.05), (0.55, 0.05), 0.45)[1].cell == (0, 1)
+    assert _snapped(_map("..####"), (0.05, 0.05), (0.55, 0.05), 0.45)[1].cell == (0, 1)
 
 
 @pytest.mark.parametrize(
@@ -81,7 +81,7 @@ def test_what_is_wrong_with_a_place_is_said(start: tuple[float, float], state: s
 def test_a_place_is_not_moved_through_a_wall() -> None:
     where = _map("....?#....", "....?#....", "....?#....")
     # The nearest cell of all to the goal lies beyond the wall, 0.25 m away.
-    goal = _ends(where, (0.05, 0.15), (0.42, 0.15))[1]
+    goal = _snapped(where, (0.05, 0.15), (0.42, 0.15))[1]
     assert goal.cell == (1, 3)
     left = _reason(where, (0.05, 0.15), (0.68, 0.15))
     assert "separate regions" in left
@@ -96,7 +96,7 @@ def test_a_place_walled_in_is_told_from_one_too_far_away() -> None:
 
 def test_many_places_are_looked_at_in_parts() -> None:
     where = _map(*["." * 80] * 80, "#" * 80)
-    start, goal = _ends(where, (0.05, -0.05), (4.05, 0.05), tolerance_m=9.0)
+    start, goal = _snapped(where, (0.05, -0.05), (4.05, 0.05), tolerance_m=9.0)
     assert start.cell == (1, 0)
     assert goal.cell == (1, 40)
 
@@ -104,12 +104,12 @@ def test_many_places_are_looked_at_in_parts() -> None:
 def test_a_place_in_unknown_space_within_an_obstacle_may_leave_it() -> None:
     # As above a table whose top was seen only at its edge.
     where = _map(".......", ".#####.", ".#???#.", ".#####.", ".......")
-    goal = _ends(where, (0.05, 0.05), (0.35, 0.25))[1]
+    goal = _snapped(where, (0.05, 0.05), (0.35, 0.25))[1]
     assert goal.moved_m == pytest.approx(0.2)
 
 
 def test_a_place_in_a_pocket_of_seen_floor_is_moved_across_the_unknown_to_what_is_joined() -> None:
-    _, goal = _ends(_map("....??.??"), (0.05, 0.05), (0.65, 0.05))
+    _, goal = _snapped(_map("....??.??"), (0.05, 0.05), (0.65, 0.05))
     assert goal.snapped == pytest.approx((0.35, 0.05))
     assert goal.moved_m == pytest.approx(0.3)
 
@@ -123,7 +123,7 @@ def test_a_place_is_not_moved_through_a_gap_too_narrow_for_the_robot() -> None:
 
 
 def test_of_two_regions_the_one_that_moves_both_ends_least_is_taken() -> None:
-    start, goal = _ends(_map("..?...?....."), (0.25, 0.05), (0.65, 0.05))
+    start, goal = _snapped(_map("..?...?....."), (0.25, 0.05), (0.65, 0.05))
     assert (start.cell, goal.cell) == ((0, 3), (0, 5))
 
 

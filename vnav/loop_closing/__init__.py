@@ -1,0 +1,1 @@
+"""Which keyframes see the same place again: candidates, and their verification."""

@@ -1,0 +1,130 @@
+"""Geometric verification of loop candidates: registration of the two keyframes; claim 3, S6."""
+
+import dataclasses
+import os
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vnav.config import Config
+from vnav.core import se3
+from vnav.core.arrays import Array
+from vnav.core.camera import Intrinsics
+from vnav.core.frame import Edge, PoseEstimate, Rejected
+from vnav.core.mapping import LoopVerdict, Odometry
+from vnav.core.progress import Progress, silent
+from vnav.features.matching import DescriptorMatcher
+from vnav.loop_closing.candidates import LoopCandidate
+from vnav.registration.points3d import PointRegistration
+
+NEIGHBOURS = 3  # keyframes apart: what odometry demands of a match will do, for it joined them
+
+
+@dataclass
+class Closures:
+    """Verdicts on all candidates so far, and the edges and matches of the accepted."""
+
+    verdicts: list[LoopVerdict] = field(default_factory=list)
+    edges: list[Edge] = field(default_factory=list)
+    matches_of_edges: list[NDArray[np.int32]] = field(default_factory=list)
+
+    @property
+    def matches(self) -> NDArray[np.int32]:
+        """Keyframe, feature, keyframe, feature (M, 4) of every match of an accepted pair."""
+        return np.concatenate([np.zeros((0, 4), np.int32), *self.matches_of_edges])
+
+    @property
+    def tried(self) -> set[tuple[int, int]]:
+        """Pairs that have a verdict."""
+        return {(v.i, v.j) for v in self.verdicts}
+
+    def reject(self, candidate: LoopCandidate, why: Rejected) -> None:
+        """Add the verdict on a candidate."""
+        c = candidate
+        self.verdicts.append(
+            LoopVerdict(c.i, c.j, c.source, c.score, False, why.reason, why.matches, why.inliers)
+        )
+
+    def accept(self, candidate: LoopCandidate, edge: Edge, estimate: PoseEstimate) -> None:
+        """Add the verdict on a candidate, its edge and its inliers."""
+        c, inliers = candidate, estimate.inliers
+        self.verdicts.append(
+            LoopVerdict(c.i, c.j, c.source, c.score, True, "", estimate.matches, len(inliers))
+        )
+        self.edges.append(edge)
+        columns = (
+            np.full(len(inliers), c.i),
+            inliers[:, 0],
+            np.full(len(inliers), c.j),
+            inliers[:, 1],
+        )
+        self.matches_of_edges.append(np.stack(columns, 1).astype(np.int32))
+
+
+class LoopVerifier:
+    """Geometric verification of candidates on all cores."""
+
+    def __init__(
+        self,
+        odometry: Odometry,
+        cameras: Sequence[Intrinsics],
+        config: Config,
+        progress: Progress = silent,
+    ) -> None:
+        self._odometry, self._cameras, self._seed = odometry, cameras, config.seed
+        self._added_noise = np.deg2rad(config.loops.sigma_deg), config.loops.sigma_m
+        # Features without depth mostly lie on edges, which look otherwise from afar.
+        self._of_neighbours = dataclasses.replace(config.registration, one_sided_depth=False)
+        self._of_loops = dataclasses.replace(
+            self._of_neighbours,
+            min_inliers=config.loops.min_inliers,
+            min_inlier_share=config.loops.min_inlier_share,
+        )
+        self._matcher = DescriptorMatcher(self._of_neighbours)
+        self._progress = progress
+
+    def verify(
+        self,
+        candidates: Sequence[LoopCandidate],
+        found: Closures,
+        T_world_camera: Array | None = None,
+    ) -> None:
+        """Add every candidate's verdict to those found, and the edge and matches of the accepted.
+
+        Poses of all frames (N, 4, 4), where they are known, tell where matches are to be expected.
+        """
+        with ThreadPoolExecutor(os.cpu_count()) as pool:
+            estimates = pool.map(lambda c: self._register(c, T_world_camera), candidates)
+            for n, (candidate, estimate) in enumerate(zip(candidates, estimates, strict=True), 1):
+                self._progress("loops", n, len(candidates))
+                if isinstance(estimate, Rejected):
+                    found.reject(candidate, estimate)
+                else:
+                    found.accept(candidate, self._edge(candidate, estimate), estimate)
+
+    def _register(
+        self, candidate: LoopCandidate, T_world_camera: Array | None
+    ) -> PoseEstimate | Rejected:
+        a, b = (self._odometry.keyframes[k] for k in (candidate.i, candidate.j))
+        rng = np.random.default_rng([self._seed, a.row, b.row])
+        of_a, of_b = (self._cameras[self._odometry.frames.capture[k.row]] for k in (a, b))
+        settings = self._of_neighbours if self._are_neighbours(candidate) else self._of_loops
+        registration = PointRegistration(of_a, of_b, settings, self._matcher)
+        predicted = None
+        if T_world_camera is not None:
+            predicted = se3.inverse(T_world_camera[a.row]) @ T_world_camera[b.row]
+        return registration.register(a, b, rng, predicted)
+
+    def _are_neighbours(self, candidate: LoopCandidate) -> bool:
+        """Whether odometry joined the two, with few keyframes between."""
+        i, j = candidate.i, candidate.j
+        segment = self._odometry.segment[self._odometry.keyframe_rows[[i, j]]]
+        return bool(j - i <= NEIGHBOURS and segment[0] == segment[1])
+
+    def _edge(self, candidate: LoopCandidate, estimate: PoseEstimate) -> Edge:
+        i, j = (self._odometry.keyframes[k].row for k in (candidate.i, candidate.j))
+        edge = Edge(i, j, estimate.T_a_b, estimate.information)
+        return edge.with_added_noise(*self._added_noise)

@@ -1,0 +1,62 @@
+"""Tracks of features over keyframes, each of one 3D point."""
+
+import copy
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vnav.core.arrays import Array, Rows
+from vnav.core.mapping import FrameFeatures
+from vnav.core.tracks import merge
+from vnav.optimisation.sensor_model import Observations
+
+LONG_TRACK = 4  # sightings of a landmark that tells depth's offset
+
+
+class FeatureTracks:
+    """Every feature of every keyframe as an observation of its track's 3D point."""
+
+    def __init__(self, keyframes: Sequence[FrameFeatures], matches: NDArray[np.int32]) -> None:
+        counts = np.array([len(k.features) for k in keyframes], np.int32)
+        camera = np.repeat(np.arange(len(counts), dtype=np.int32), counts)
+        px = np.concatenate([k.features.keypoints_px for k in keyframes]).astype(float)
+        self.points_camera = np.concatenate([k.points_camera for k in keyframes]).astype(float)
+        self.feature = np.concatenate([np.arange(n, dtype=np.int32) for n in counts])
+        track = merge(matches, counts)
+        self.seen = Observations(track, camera, px, 1 / self.points_camera[:, 2])
+        self.count = int(track.max(initial=-1)) + 1
+
+    def without_offset(self, offset: float) -> "FeatureTracks":
+        """The same with an offset (1/m) subtracted from all inverse depths."""
+        tracks = copy.copy(self)
+        tracks.points_camera = self.points_camera / (1 - offset * self.points_camera[:, 2:])
+        tracks.seen = self.seen.without_offset(offset)
+        return tracks
+
+    def points_world(self, T_world_camera: Array, rows: Rows) -> Array:
+        """Points (L, 3): the mean of a track's 3D points, weighted by depth's precision.
+
+        Only the given rows count; NaN for a track none of whose features has depth.
+        """
+        T = T_world_camera[self.seen.camera[rows]]
+        points = (T[:, :3, :3] @ self.points_camera[rows, :, None])[..., 0] + T[:, :3, 3]
+        good = np.isfinite(points[:, 0])
+        track, points = self.seen.landmark[rows][good], points[good]
+        weight = self.points_camera[rows, 2][good] ** -4
+        total = np.bincount(track, weight, self.count)
+        sums = [np.bincount(track, weight * p, self.count) for p in points.T]
+        with np.errstate(invalid="ignore"):
+            return np.stack(sums, 1) / total[:, None]
+
+    def shared(self, rows: Rows) -> Rows:
+        """Those rows of landmarks that several keyframes see, at least one of them with depth."""
+        landmark = self.seen.landmark[rows]
+        count = np.bincount(landmark)
+        with_depth = np.bincount(landmark, np.isfinite(self.seen.inverse_depth[rows]))
+        return rows[(count[landmark] > 1) & (with_depth[landmark] > 0)]
+
+    def long(self, rows: Rows) -> Rows:
+        """Those rows of landmarks that at least `LONG_TRACK` of the rows see."""
+        landmark = self.seen.landmark[rows]
+        return rows[np.bincount(landmark)[landmark] >= LONG_TRACK]
