@@ -4,8 +4,8 @@
     python benchmarks/calibrate_confidence.py --check MAP CAPTURE [--record]
 
 prints how often answers of each confidence are right: on the scenes, or on a capture with
-photos/groundtruth.txt; and the constants for `vnav.localisation.evidence.Odds` that fit the scenes
-best. About an hour. The scenes are an
+photos/groundtruth.txt; and the constants for `Odds` (vnav/localisation/verification/evidence.py)
+that fit the scenes best. About an hour. The scenes are an
 apartment, a single room, two rooms that are the same, and a shop of identical shelves, some taken
 by a worse camera and mapped at poses that are off; photos of one scene asked of another stand for
 places that are on no map.
@@ -29,18 +29,18 @@ from vnav.io.formats.trajectories import read_tum
 from vnav.io.sources.open_capture import open_capture
 from vnav.io.store.map_folder import MapFolder
 from vnav.localisation.database import LandmarkDatabase
-from vnav.localisation.evidence import (
-    LEAST,
+from vnav.localisation.photo import Photo
+from vnav.localisation.verification.evidence import (
     Odds,
     _log_beta_binomial,
     _log_sum,
-    counted,
     evidence,
     posterior,
 )
-from vnav.localisation.guided import hits, predict
-from vnav.localisation.hypotheses import GUIDED_RADII
-from vnav.localisation.photo import Photo
+from vnav.localisation.verification.image_cells import MIN_COUNT, cell_counts
+from vnav.localisation.verification.prediction import predict
+from vnav.localisation.verification.projection_matching import match_by_projection
+from vnav.localisation.verification.verify import SEARCH_RADII
 from vnav.localisation.view import View
 from vnav.pipeline.build import build_map
 from vnav.stages.locate import Locator
@@ -112,8 +112,9 @@ def cells_at(
     """Landmarks that the photo shows and that the map predicts in each cell, at some pose."""
     view = View(se3.inverse(T_world_camera), photo.intrinsics)
     prediction = predict(view, database)
-    radius_px = GUIDED_RADII[-1] * Config().locate.ransac_threshold_px * photo.pixel
-    return counted(prediction, hits(prediction, photo, database, radius_px), photo)
+    radius_px = SEARCH_RADII[-1] * Config().locate.ransac_threshold_px * photo.pixel_scale
+    found = match_by_projection(prediction, photo, database, radius_px)
+    return cell_counts(prediction, found, photo)
 
 
 def near(T_a: NDArray[np.float64], T_b: NDArray[np.float64]) -> bool:
@@ -145,16 +146,18 @@ def photos_of(capture: Path) -> list[Path]:
 def fitted(known: list[Asked], elsewhere: list[Asked], start: Odds) -> Odds:
     """Shares of landmarks by maximum likelihood, shares of cells by the photos' log loss."""
     k, n = np.concatenate([photo.by_chance for photo in known], 1)
-    k, n = k[n >= LEAST], n[n >= LEAST]
+    k, n = k[n >= MIN_COUNT], n[n >= MIN_COUNT]
     found_if_not = _fitted_beta(start.found_if_not, lambda b: -_log_beta_binomial(k, n, b).mean())
     right = [c for p in known for c, r in zip(p.cells, p.right, strict=True) if r]
 
-    def unlikely(alike: tuple[float, ...]) -> float:
-        tried = dataclasses.replace(start, found_if_not=found_if_not, alike=alike[0])
+    def unlikely(concentration: tuple[float, ...]) -> float:
+        tried = dataclasses.replace(
+            start, found_if_not=found_if_not, concentration=concentration[0]
+        )
         return -sum(float(_log_sum(evidence(cells, tried).right)) for cells in right)
 
-    (alike,) = _fitted_beta((start.alike,), unlikely)
-    odds = dataclasses.replace(start, found_if_not=found_if_not, alike=alike)
+    (concentration,) = _fitted_beta((start.concentration,), unlikely)
+    odds = dataclasses.replace(start, found_if_not=found_if_not, concentration=concentration)
     photos = [*known, *elsewhere]
 
     def loss(logs: NDArray[np.float64]) -> float:

@@ -24,7 +24,7 @@ from vnav.core import se3
 from vnav.core.camera import Intrinsics
 from vnav.io.formats.camera_file import read_color
 from vnav.io.store.map_folder import MapFolder
-from vnav.localisation.answer import PhotoAnswer
+from vnav.localisation.verdict.answer import PhotoAnswer
 from vnav.stages.locate import Locator, locate
 
 Image = NDArray[np.uint8]

@@ -41,10 +41,15 @@ from vnav.core import se3  # noqa: E402
 from vnav.features import sift  # noqa: E402
 from vnav.io.store.index_file import load_index  # noqa: E402
 from vnav.io.store.tree_file import load_tree  # noqa: E402
-from vnav.localisation import hypotheses, localise  # noqa: E402
-from vnav.localisation.answer import PhotoAnswer  # noqa: E402
-from vnav.localisation.ransac import Terms, agree  # noqa: E402
-from vnav.localisation.refine import Lens, Sightings  # noqa: E402
+from vnav.localisation import localise  # noqa: E402
+from vnav.localisation.hypotheses import hypothesise  # noqa: E402
+from vnav.localisation.hypotheses.ransac import (  # noqa: E402
+    RansacOptions,
+    estimate_absolute_pose,
+)
+from vnav.localisation.matches import Correspondences2D3D  # noqa: E402
+from vnav.localisation.verdict.answer import PhotoAnswer  # noqa: E402
+from vnav.localisation.view import CameraPrior  # noqa: E402
 from vnav.stages import locate  # noqa: E402
 from vnav.stages.locate import Locator  # noqa: E402
 
@@ -56,7 +61,7 @@ MISSED_AT_MOST = 1  # photos that exhaustive matching finds and vnav does not
 RIGHT_M, RIGHT_DEG = 0.05, 5.0
 ROOMS = 2, 12
 COLD_RUNS = 5
-SIFT, ALL, REST = "SIFT of the photo", "all that follows", "quantisation, evidence and the rest"
+SIFT, ALL, REST = "SIFT of the photo", "all that follows", "quantisation and the rest"
 PEER = "SIFT of the same photo"
 SOLVERS = ("poselib", "pycolmap")
 WANTED = {ALL: 0.5}  # times SIFT, wall
@@ -64,12 +69,11 @@ PARTS = (  # what is told, and the functions that do it
     (SIFT, sift.Sift, "extract"),
     (ALL, locate, "prepare"),
     (ALL, locate, "localise"),
-    ("search", localise, "seeds"),
-    ("search", localise, "repeated_matches"),
-    ("search", hypotheses, "clusters"),
-    ("search", hypotheses, "completed"),
-    ("RANSAC and its refinement", hypotheses, "_consensus"),
-    ("verification", hypotheses, "_verified"),
+    ("search", localise, "search"),
+    ("search", localise, "search_repeated"),
+    ("hypotheses", localise, "hypothesise"),
+    ("verification", localise, "verify"),
+    ("verdict", localise, "decide"),
 )
 
 
@@ -83,7 +87,7 @@ class Clock:
     """Times by name, and what the first RANSAC of a photo was given and took."""
 
     spent: dict[str, Times] = field(default_factory=dict)
-    solved: tuple[Lens, Sightings, Terms, Times] | None = None
+    solved: tuple[Correspondences2D3D, CameraPrior, RansacOptions, Times] | None = None
 
     def around(self, name: str, function: Callable[..., Any]) -> Callable[..., Any]:
         """The function, timed."""
@@ -99,11 +103,16 @@ class Clock:
     def keeping(self, solver: Callable[..., Any]) -> Callable[..., Any]:
         """The solver; its first arguments and times are kept."""
 
-        def kept(lens: Lens, seen: Sightings, terms: Terms, rng: np.random.Generator) -> Any:
+        def kept(
+            matched: Correspondences2D3D,
+            prior: CameraPrior,
+            options: RansacOptions,
+            rng: np.random.Generator,
+        ) -> Any:
             started = now()
-            result = solver(lens, seen, terms, rng)
+            result = solver(matched, prior, options, rng)
             if self.solved is None and result is not None:
-                self.solved = lens, seen, terms, now() - started
+                self.solved = matched, prior, options, now() - started
             return result
 
         return kept
@@ -114,11 +123,12 @@ def watched() -> Iterator[Clock]:
     """A clock on the parts of finding a photo."""
     clock = Clock()
     before = [(module, name, getattr(module, name)) for _, module, name in PARTS]
-    before.append((hypotheses, "agree", agree))
+    before.append((hypothesise, "estimate_absolute_pose", estimate_absolute_pose))
     try:
         for part, module, name in PARTS:
             setattr(module, name, clock.around(part, getattr(module, name)))
-        setattr(hypotheses, "agree", clock.keeping(agree))  # noqa: B010
+        kept = clock.keeping(estimate_absolute_pose)
+        setattr(hypothesise, "estimate_absolute_pose", kept)  # noqa: B010
         yield clock
     finally:
         for module, name, function in before:
@@ -138,12 +148,12 @@ def solvers(clock: Clock) -> dict[str, Times]:
     """Times of vnav's and other solvers on the matches of the photo's first RANSAC."""
     if clock.solved is None:
         return {}
-    lens, seen, terms, ours = clock.solved
+    matched, prior, options, ours = clock.solved
     spent = {"the first RANSAC, by vnav": ours}
     for name, solve in (("poselib", by_poselib), ("pycolmap", by_pycolmap)):
         if module := optional(name):
             started = now()
-            solve(module, lens, seen, terms.threshold_px)
+            solve(module, matched, prior, options.threshold_px)
             spent[f"the same by {name}"] = now() - started
     return spent
 

@@ -23,7 +23,7 @@ def demo(out: Path) -> int:
     code 3: a photo was not located, or there is no path.
     """
     from vnav.config import Config
-    from vnav.localisation.answer import summary
+    from vnav.localisation.verdict.answer import summary
     from vnav.reporting.plan_text import summary as plan_summary
     from vnav.synthetic import demo as chain
 

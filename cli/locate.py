@@ -18,7 +18,7 @@ from vnav.cli.options import (
 
 if TYPE_CHECKING:
     from vnav.api.map import Map
-    from vnav.localisation.answer import PhotoAnswer, UnreadablePhoto
+    from vnav.localisation.verdict.answer import PhotoAnswer, UnreadablePhoto
 
     Answers: TypeAlias = Sequence[PhotoAnswer | UnreadablePhoto]
 
@@ -97,7 +97,7 @@ def locate(
 
 def _tell(answers: "Answers", as_json: bool, alone: bool) -> None:
     """Answers on stdout, what is doubtful about them on stderr."""
-    from vnav.localisation.answer import PhotoAnswer, summary
+    from vnav.localisation.verdict.answer import PhotoAnswer, summary
 
     if as_json:
         said = [answer.as_dict() for answer in answers]
@@ -111,7 +111,7 @@ def _tell(answers: "Answers", as_json: bool, alone: bool) -> None:
 
 def _draw(mapped: "Map", answers: "Answers", overlay: Path, alone: bool) -> None:
     """A picture of each photo that could be read: the file, or files in the folder of that name."""
-    from vnav.localisation.answer import PhotoAnswer
+    from vnav.localisation.verdict.answer import PhotoAnswer
 
     for answer in answers:
         if isinstance(answer, PhotoAnswer):
@@ -120,7 +120,7 @@ def _draw(mapped: "Map", answers: "Answers", overlay: Path, alone: bool) -> None
 
 def _exit_code(answers: "Answers") -> int:
     """1 where a photo could not be read, 3 where one was not located."""
-    from vnav.localisation.answer import PhotoAnswer
+    from vnav.localisation.verdict.answer import PhotoAnswer
 
     read = [answer for answer in answers if isinstance(answer, PhotoAnswer)]
     if len(read) < len(answers):

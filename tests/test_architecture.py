@@ -53,6 +53,9 @@ OWNERS = {
     "threadpoolctl": {"vnav.threads"},
 }
 
+# Locating a photo goes through these in turn: each knows what came before it, never what follows.
+ROOMS_OF_LOCATING = ("search", "hypotheses", "verification", "verdict")
+
 STAGES = ("odometry", "vocabulary", "loops", "optimise", "fuse", "index")
 HEAVY = {"open3d", "sklearn", "gtsam", "octomap", "numba", "matplotlib", "scipy", "distributed"}
 
@@ -165,6 +168,27 @@ def test_the_package_offers_what_type_checkers_are_told() -> None:
         name.rpartition(".")[2] for name in imported if name.startswith("vnav.errors.")
     }
     assert all(getattr(vnav, name) is not None for name in vnav.__all__)
+
+
+def _room_of_locating(name: str) -> int:
+    """How far a photo has come in a module, or in one that a name is imported from; 0: not yet."""
+    rooms = enumerate(ROOMS_OF_LOCATING, 1)
+    return next((n for n, room in rooms if _within(name, f"vnav.localisation.{room}")), 0)
+
+
+def test_a_photo_is_searched_posed_verified_and_judged_in_this_order() -> None:
+    """What a photo and its map are knows of no room; the top function alone knows all of them."""
+    modules = [m for m in MODULES if _within(m, "vnav.localisation")]
+    assert {_room_of_locating(m) for m in modules} == set(range(len(ROOMS_OF_LOCATING) + 1))
+    wrong = [
+        f"{module} imports {name}"
+        for module in modules
+        for name in IMPORTS[module]
+        if module != "vnav.localisation.localise"
+        if name == "vnav.localisation.localise.localise"
+        or _room_of_locating(name) > _room_of_locating(module)
+    ]
+    assert not wrong
 
 
 def test_a_library_is_imported_only_by_its_owners() -> None:

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from vnav.core.trajectory import Trajectory
     from vnav.io.sources.capture import Capture
     from vnav.io.sources.memory import frames
-    from vnav.localisation.answer import PhotoAnswer
+    from vnav.localisation.verdict.answer import PhotoAnswer
     from vnav.stages.plan import PlanAnswer
 
 __version__ = "0.1.0"
@@ -67,7 +67,7 @@ _PLACES = {
     "Config": "vnav.config:Config",
     "Intrinsics": "vnav.core.camera:Intrinsics",
     "Map": "vnav.api.map:Map",
-    "PhotoAnswer": "vnav.localisation.answer:PhotoAnswer",
+    "PhotoAnswer": "vnav.localisation.verdict.answer:PhotoAnswer",
     "PlanAnswer": "vnav.stages.plan:PlanAnswer",
     "Trajectory": "vnav.core.trajectory:Trajectory",
     "build_map": "vnav.api.building:build_map",

@@ -25,20 +25,20 @@ def case(script: Callable[[str], ModuleType], whole_map: Path, tiny_capture: Pat
 
 
 def test_the_parts_of_finding_a_photo_add_up(locating: ModuleType, case) -> None:  # type: ignore[no-untyped-def]
-    before = locating.hypotheses.completed
+    before = locating.localise.search
     answer, spent, clock = locating.asked(Locator.open(case.folder, Config()), case.photos[0])
-    assert locating.hypotheses.completed is before
+    assert locating.localise.search is before
     assert answer.best is not None
     parts = [name for name in spent if name not in (locating.SIFT, locating.ALL)]
-    assert {"search", "RANSAC and its refinement", "verification", locating.REST} == set(parts)
+    assert {"search", "hypotheses", "verification", "verdict", locating.REST} == set(parts)
     assert min(spent[part].min() for part in parts) > 0
     np.testing.assert_allclose(sum(spent[part] for part in parts), spent[locating.ALL])
     told_s = answer.seconds["features"], answer.seconds["search_and_pose"]
     for part, most_s in zip((locating.SIFT, locating.ALL), told_s, strict=True):
         assert 0 < spent[part][0] <= most_s + 1e-4  # it is told rounded
-    lens, seen, _, ours = clock.solved
-    assert lens.intrinsics == answer.photo.intrinsics
-    assert len(seen.px) >= 5
+    matched, prior, _, ours = clock.solved
+    assert prior.intrinsics == answer.photo.intrinsics
+    assert len(matched.px) >= 5
     assert ours[0] > 0
 
 

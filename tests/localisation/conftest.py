@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from vnav.config import IndexConfig, VocabularyConfig
 from vnav.core import se3
+from vnav.core.arrays import Array
 from vnav.core.camera import Intrinsics
 from vnav.core.frame import Features
 from vnav.core.mapping import FrameFeatures, Landmarks
@@ -19,7 +20,6 @@ from vnav.localisation.view import View
 from vnav.vocabulary import train
 
 CAMERA = Intrinsics(640, 480, 525.0, 525.0, 319.5, 239.5)
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -5,10 +5,12 @@ import pytest
 
 from vnav.config import LocateConfig
 from vnav.core import se3
-from vnav.localisation.localise import Located, NotLocated, localise, own_focal
+from vnav.localisation import localise as rooms
+from vnav.localisation.localise import localise
 from vnav.localisation.photo import prepare
 from vnav.localisation.query import Query
-from vnav.localisation.uncertainty import sigmas
+from vnav.localisation.verdict.decision import Located, NotLocated
+from vnav.localisation.verdict.uncertainty import focal_length_check, sigmas
 
 CONFIG = LocateConfig()
 POSE = (0.4, -0.3, 1.5), 40.0
@@ -87,14 +89,14 @@ def test_a_wrong_focal_length_is_noticed(world):
     )
     result, query = asked(world, features)  # taken for 525
     assert isinstance(result, Located)
-    factor, sigma = own_focal(result.best, query)
+    factor, sigma = focal_length_check(result.best, query)
     assert factor == pytest.approx(570 / 525, abs=0.02)
     assert factor - 1 > 3 * sigma
 
 
 def test_the_right_focal_length_is_not_doubted(world, photo_features):
     result, query = asked(world, photo_features[1])
-    factor, sigma = own_focal(result.best, query)
+    factor, sigma = focal_length_check(result.best, query)
     assert abs(factor - 1) < 4 * sigma
 
 
@@ -220,6 +222,23 @@ def test_an_empty_map_locates_nothing(world, photo_features):
     result = localise(Query(photo, database, CONFIG), np.random.default_rng(0))
     assert isinstance(result, NotLocated)
     assert result.reason == "too few matches"
+
+
+def test_rivals_go_through_the_rooms_before_the_verdict(world, photo_features, monkeypatch):
+    """Two rounds of search, hypotheses and verification, then one verdict."""
+    called = []
+
+    def noted(name, function):
+        return lambda *arguments: (called.append(name), function(*arguments))[1]
+
+    for name in ("search", "search_repeated", "hypothesise", "verify", "decide"):
+        monkeypatch.setattr(rooms, name, noted(name, getattr(rooms, name)))
+    asked(world, photo_features[1])
+    first, second = (
+        ["search", "hypothesise", "verify"],
+        ["search_repeated", "hypothesise", "verify"],
+    )
+    assert called == [*first, *second, "decide"]
 
 
 def test_the_answer_is_the_same_every_time(world, photo_features):

@@ -13,8 +13,8 @@ from vnav.errors import PhotoError
 from vnav.io.formats.trajectories import read_tum
 from vnav.io.store.artifacts import load_optimised
 from vnav.io.store.map_folder import MapFolder
-from vnav.localisation.answer import UnreadablePhoto, summary
-from vnav.localisation.localise import NotLocated
+from vnav.localisation.verdict.answer import UnreadablePhoto, summary
+from vnav.localisation.verdict.decision import NotLocated
 from vnav.reporting import inset, overlay
 from vnav.reporting.photo_table import CSV_HEADER, write_csv
 from vnav.stages.locate import Locator, brightened, locate, remember, scaled_down

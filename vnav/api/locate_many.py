@@ -11,7 +11,7 @@ from vnav.core.progress import Progress, silent
 from vnav.core.report import Failed
 from vnav.io.photos.photos import PhotoCameraSource
 from vnav.io.store.map_folder import MapFolder
-from vnav.localisation.answer import PhotoAnswer, UnreadablePhoto
+from vnav.localisation.verdict.answer import PhotoAnswer, UnreadablePhoto
 from vnav.stages.locate import Locator, locate
 
 log = logging.getLogger(__name__)

@@ -28,7 +28,7 @@ from vnav.core.trajectory import Trajectory
 from vnav.errors import MapError
 from vnav.io.photos.photos import PhotoCameraSource
 from vnav.io.store.map_folder import MapFolder
-from vnav.localisation.answer import PhotoAnswer, UnreadablePhoto
+from vnav.localisation.verdict.answer import PhotoAnswer, UnreadablePhoto
 from vnav.pipeline.build import BuiltMap
 
 if TYPE_CHECKING:

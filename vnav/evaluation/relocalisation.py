@@ -16,7 +16,7 @@ from vnav.evaluation import metrics
 from vnav.io.formats.trajectories import read_photo_poses
 from vnav.io.sources.capture import Capture, FileBacked
 from vnav.io.sources.subset import Subset
-from vnav.localisation.answer import PhotoAnswer, UnreadablePhoto
+from vnav.localisation.verdict.answer import PhotoAnswer, UnreadablePhoto
 from vnav.stages.locate import Locator, locate
 
 

@@ -1,1 +1,1 @@
-"""Where a photo was taken: active search, DLT in RANSAC, refinement, verdict."""
+"""Where a photo was taken: search, hypotheses, verification, verdict."""

@@ -1,4 +1,4 @@
-"""The index of a map and its vocabulary tree, ready for questions."""
+"""The index of a map and its vocabulary tree: what photos are searched in."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -9,9 +9,9 @@ from numpy.typing import NDArray
 from vnav.core.arrays import Rows
 from vnav.core.map_index import MapIndex, rows_of
 from vnav.core.tree import VocabularyTree
-from vnav.localisation.words import InvertedFile
+from vnav.localisation.inverted_file import InvertedFile
 
-APART_M = 0.10  # landmarks nearer than this may be one and the same thing, mapped twice
+SAME_POINT_M = 0.10  # landmarks nearer than this may be one and the same point, mapped twice
 
 
 @dataclass(frozen=True)
@@ -25,11 +25,11 @@ class LandmarkDatabase:
     def inverted_file(self) -> InvertedFile:
         """The landmarks' descriptors and where the landmarks are."""
         i = self.index
-        return InvertedFile(i.descriptors, i.points_world[i.owner], APART_M)
+        return InvertedFile(i.descriptors, i.points_world[i.owner], SAME_POINT_M)
 
     @cached_property
-    def home(self) -> NDArray[np.int32]:
-        """A keyframe (L,) that saw each landmark."""
+    def reference_keyframe(self) -> NDArray[np.int32]:
+        """The first keyframe (L,) that saw each landmark."""
         return self.index.seen_by[self.index.seen_start[:-1]]
 
     def words(self, rows: Rows, level: int) -> NDArray[np.int32]:

@@ -9,16 +9,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vnav.config import IndexConfig
-from vnav.core.arrays import Array
+from vnav.core.arrays import Array, Floats
 from vnav.core.camera import Intrinsics
 from vnav.core.map_index import MapIndex, spans_of
 from vnav.core.mapping import FrameFeatures, Landmarks
 from vnav.core.tree import VocabularyTree
 from vnav.core.voxels import Voxels
+from vnav.localisation.database import SAME_POINT_M
 
 SAMPLE = 500  # descriptors that the map's own statistics are taken from
 QUARTILE = 0.75
-APART_M = 0.10  # two landmarks nearer than this may be one and the same thing
 
 
 @dataclass(frozen=True)
@@ -44,14 +44,9 @@ def build(
     ``voxels``: what stands in the way of looks; ``rng`` draws the sample for the map's own
     statistics.
     """
-    descriptors, patches = _observed(landmarks, keyframes)
-    means, owner, patch_world = _means(landmarks.landmark, descriptors, patches, tree)
-    paths = tree.quantise(means)
-    order = np.lexsort(paths.T[::-1])
-    means, owner, patch_world = means[order], owner[order], patch_world[order]
+    means, owner, patch_world, paths = _described(landmarks, keyframes, tree)
     covisible = _covisible(landmarks, len(keyframes), config.min_shared_landmarks)
-    home = landmarks.keyframe[np.unique(landmarks.landmark, return_index=True)[1]]
-    by_keyframe = np.argsort(landmarks.keyframe, kind="stable")
+    reference = landmarks.keyframe[np.unique(landmarks.landmark, return_index=True)[1]]
     return MapIndex(
         points_world=landmarks.points_world,
         sigma_m=landmarks.sigma_m,
@@ -60,12 +55,12 @@ def build(
         described_start=_starts(owner, len(landmarks)),
         described=np.argsort(owner, kind="stable").astype(np.int32),
         patch_world=patch_world,
-        span=spans_of(paths[order], len(tree.level)),
+        span=spans_of(paths, len(tree.level)),
         seen_start=_starts(landmarks.landmark, len(landmarks)),
         seen_by=landmarks.keyframe,
         sees_start=_starts(landmarks.keyframe, len(keyframes)),
-        sees=landmarks.landmark[by_keyframe],
-        neighbours=_neighbours(landmarks.points_world, home, covisible, config.neighbours),
+        sees=landmarks.landmark[np.argsort(landmarks.keyframe, kind="stable")],
+        neighbours=_neighbours(landmarks.points_world, reference, covisible, config.neighbours),
         covisible=covisible,
         T_world_keyframe=np.array([k.T_world_camera for k in keyframes]).reshape(-1, 4, 4),
         keyframe_covariance=np.array([k.covariance for k in keyframes]).reshape(-1, 6, 6),
@@ -73,9 +68,20 @@ def build(
         solid_origin=voxels.origin,
         solid_m=np.array([voxels.edge_m]),
         distractor_distance=_distractor_distance(
-            means, landmarks.points_world[owner], home[owner], covisible, rng
+            means, landmarks.points_world[owner], reference[owner], covisible, rng
         ),
     )
+
+
+def _described(
+    landmarks: Landmarks, keyframes: Sequence[MappedKeyframe], tree: VocabularyTree
+) -> tuple[NDArray[np.uint8], NDArray[np.int32], Floats, NDArray[np.int32]]:
+    """Mean descriptors, their landmarks, patches and tree paths, in the order of the leaves."""
+    descriptors, patches = _observed(landmarks, keyframes)
+    means, owner, patch_world = _means(landmarks.landmark, descriptors, patches, tree)
+    paths = tree.quantise(means)
+    order = np.lexsort(paths.T[::-1])
+    return means[order], owner[order], patch_world[order], paths[order]
 
 
 def _observed(
@@ -102,7 +108,7 @@ def _means(
     descriptors: NDArray[np.uint8],
     patches: Array,
     tree: VocabularyTree,
-) -> tuple[NDArray[np.uint8], NDArray[np.int32], NDArray[np.float32]]:
+) -> tuple[NDArray[np.uint8], NDArray[np.int32], Floats]:
     """One mean descriptor per landmark and word, its landmark, and its mean patch."""
     if not len(landmark):
         return descriptors, landmark, patches.astype(np.float32)
@@ -132,11 +138,12 @@ def _covisible(landmarks: Landmarks, keyframes: int, shared: int) -> NDArray[np.
 
 
 def _neighbours(
-    points: NDArray[np.float32], home: NDArray[np.int32], covisible: NDArray[np.bool_], count: int
+    points: Floats, reference: NDArray[np.int32], covisible: NDArray[np.bool_], count: int
 ) -> NDArray[np.int32]:
-    """The nearest landmarks (L, count) of those that keyframes covisible with one's home see.
+    """The nearest landmarks (L, count) of those that are seen together with a landmark.
 
-    A landmark's home is the first keyframe that saw it. Claim 4, 2.6.
+    They are seen by keyframes covisible with its reference keyframe, the first that saw it. Claim
+    4, 2.6.
     """
     from scipy.spatial import cKDTree
 
@@ -145,7 +152,7 @@ def _neighbours(
         return found.astype(np.int32)
     _, near = cKDTree(points).query(points, min(2 * count, len(points)), workers=-1)
     near = near.reshape(len(points), -1)
-    together = covisible[home[:, None], home[near]]
+    together = covisible[reference[:, None], reference[near]]
     place = np.cumsum(together, 1, dtype=np.int32) - 1
     row, column = np.nonzero(together & (place < count))
     found[row, place[row, column]] = near[row, column]
@@ -154,11 +161,11 @@ def _neighbours(
 
 def _distractor_distance(
     descriptors: NDArray[np.uint8],
-    points: NDArray[np.float32],
-    home: NDArray[np.int32],
+    points: Floats,
+    reference: NDArray[np.int32],
     covisible: NDArray[np.bool_],
     rng: np.random.Generator,
-) -> NDArray[np.float32]:
+) -> Floats:
     """How far (1,) a descriptor typically is from the nearest of another thing in its place.
 
     The upper quartile: things that repeat themselves (bricks, tiles) do not make it small.
@@ -167,13 +174,13 @@ def _distractor_distance(
     sample = np.sort(rng.choice(len(descriptors), count, replace=False)) if count else np.arange(0)
     values = descriptors.astype(np.float32)
     half_norm = np.einsum("ij,ij->i", values, values) / 2
-    alike_home = covisible[home]
+    near_reference = covisible[reference]
 
-    def nearest(part: NDArray[np.intp]) -> NDArray[np.float32]:
+    def nearest(part: NDArray[np.intp]) -> Floats:
         half = half_norm[part, None] + half_norm - values[part] @ values.T
-        near = [np.abs(points[part, None, k] - points[:, k]) < APART_M for k in range(3)]
+        near = [np.abs(points[part, None, k] - points[:, k]) < SAME_POINT_M for k in range(3)]
         half[np.logical_and.reduce(near)] = np.inf
-        half[~alike_home.take(home[part], 1).T] = np.inf
+        half[~near_reference.take(reference[part], 1).T] = np.inf
         return np.asarray(np.sqrt(2 * half.min(1, initial=np.inf)))
 
     with ThreadPoolExecutor(os.cpu_count()) as pool:

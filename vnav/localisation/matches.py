@@ -1,11 +1,11 @@
-"""Matches between a photo's features and rows of the map's index."""
+"""Matches between a photo's features and the map's landmarks: as rows, and as coordinates."""
 
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from vnav.core.arrays import Rows
+from vnav.core.arrays import Array, Rows
 
 
 @dataclass(frozen=True)
@@ -42,6 +42,24 @@ class Matches:
         best_first = self[np.argsort(self.cost, kind="stable")]
         once = best_first[_first_of_each(best_first.feature)]
         return once[_first_of_each(once.landmark)]
+
+
+@dataclass(frozen=True)
+class Correspondences2D3D:
+    """Points (N, 3) of the map, the pixels (N, 2) they are seen at, and the variance (N,) of both.
+
+    ``variance_px2`` adds the keypoint's noise and the projected noise of the landmark.
+    """
+
+    points_world: NDArray[np.float32]
+    px: NDArray[np.float32]
+    variance_px2: Array
+
+    def __getitem__(self, chosen: NDArray[np.bool_]) -> "Correspondences2D3D":
+        """The chosen rows."""
+        return Correspondences2D3D(
+            self.points_world[chosen], self.px[chosen], self.variance_px2[chosen]
+        )
 
 
 def no_matches() -> Matches:

@@ -8,13 +8,13 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from vnav.core.arrays import Rows
+from vnav.core.arrays import Array, Rows
 from vnav.core.camera import Intrinsics
 from vnav.core.frame import Features
 from vnav.core.map_index import spans_of
 from vnav.core.tree import VocabularyTree
-from vnav.localisation.refine import Lens
-from vnav.localisation.words import InvertedFile
+from vnav.localisation.inverted_file import InvertedFile
+from vnav.localisation.view import CameraPrior
 
 SAME_KEYPOINT_PX = 2.0  # a keypoint's second orientation lies nearer than this
 
@@ -23,31 +23,31 @@ SAME_KEYPOINT_PX = 2.0  # a keypoint's second orientation lies nearer than this
 class Photo:
     """Features sorted along the tree, their ``paths`` (N, levels + 1) and each node's rows.
 
-    ``lens``: of the image the features were found in, without distortion.
+    ``camera``: of the image that the features were found in, without distortion.
     """
 
     features: Features
     paths: NDArray[np.int32]
     span: NDArray[np.int32]
-    lens: Lens
+    camera: CameraPrior
 
     @cached_property
-    def database(self) -> InvertedFile:
-        """The features as what landmarks are searched in."""
+    def inverted_file(self) -> InvertedFile:
+        """The features, laid out for landmarks to be searched in them."""
         return InvertedFile(self.features.descriptors, self.features.keypoints_px, SAME_KEYPOINT_PX)
 
     @property
     def intrinsics(self) -> Intrinsics:
-        """Those of the lens; its focal length may be a guess."""
-        return self.lens.intrinsics
+        """Those of the camera; its focal length may be a guess."""
+        return self.camera.intrinsics
 
     @property
-    def pixel(self) -> float:
+    def pixel_scale(self) -> float:
         """A pixel of an image 640 wide, in pixels of this one: what thresholds are scaled by."""
         return max(self.intrinsics.size) / 640
 
     @cached_property
-    def looks(self) -> NDArray[np.float64]:
+    def geometry(self) -> Array:
         """Of each feature (N, 4): x, y, log2 of its size, and angle from 0 to 2 pi."""
         f = self.features
         angle = f.angles_rad.astype(float) % (2 * np.pi)
@@ -77,7 +77,7 @@ class Buckets:
     order: Rows
 
     @classmethod
-    def filled(cls, px: NDArray[np.float64], edge_px: float, size: tuple[int, int]) -> "Buckets":
+    def filled(cls, px: Array, edge_px: float, size: tuple[int, int]) -> "Buckets":
         """With points (N, 2) of an image; those outside are put into the nearest cell."""
         columns, rows = (int(extent / edge_px) + 3 for extent in size)
         cell = (np.floor(px / edge_px).astype(np.intp) + 1).clip(1, [columns - 2, rows - 2])
@@ -96,7 +96,7 @@ def prepare(
     order = np.lexsort(paths.T[::-1])
     paths = paths[order]
     span = spans_of(paths, len(tree.level))
-    return Photo(features[order], paths, span, Lens(intrinsics, focal_sigma))
+    return Photo(features[order], paths, span, CameraPrior(intrinsics, focal_sigma))
 
 
 def _undistorted(features: Features, intrinsics: Intrinsics) -> tuple[Features, Intrinsics]:

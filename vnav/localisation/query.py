@@ -1,17 +1,32 @@
 """One photo asked of one map."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 
 from vnav.config import LocateConfig
 from vnav.localisation.database import LandmarkDatabase
-from vnav.localisation.matches import Matches
+from vnav.localisation.matches import Correspondences2D3D, Matches
 from vnav.localisation.photo import Photo
-from vnav.localisation.refine import Sightings
 from vnav.localisation.view import View
 
-MIN_DEPTH_M = 0.1
+MIN_MATCHES = 5  # that a pose can be tried with
+RIVAL_SHARE = 0.2  # of the most matches that agree; a place with fewer is no rival
+NEAREST_LANDMARK_M = 0.1  # depth from which on a landmark's noise is projected
+
+
+class SupportedPose(Protocol):
+    """A view, and how many matches agree with it."""
+
+    @property
+    def view(self) -> View:
+        """Where the camera stands."""
+
+    @property
+    def inliers(self) -> int:
+        """Number of matches that agree."""
 
 
 @dataclass(frozen=True)
@@ -23,27 +38,34 @@ class Query:
     config: LocateConfig
 
     @property
-    def near_px(self) -> float:
+    def inlier_threshold_px(self) -> float:
         """How near a feature must lie to a landmark's projection to agree with it."""
-        return self.config.ransac_threshold_px * self.photo.pixel
+        return self.config.ransac_threshold_px * self.photo.pixel_scale
 
-    def sightings(self, matches: Matches, view: View | None = None) -> Sightings:
+    def correspondences(self, matches: Matches, view: View | None = None) -> Correspondences2D3D:
         """Points and pixels of the matches; their variance from a view on, where there is one.
 
         It adds the keypoint's noise and the landmark's, as large as it looks from there.
         """
         points = self.database.index.points_world[matches.landmark]
         px = self.photo.features.keypoints_px[matches.feature]
-        keypoint_px = np.full(len(px), self.config.pixel_sigma_px * self.photo.pixel)
+        keypoint_px = np.full(len(px), self.config.pixel_sigma_px * self.photo.pixel_scale)
         if view is None:
-            return Sightings(points, px, keypoint_px**2)
-        depth = np.maximum(view.project(points)[1], MIN_DEPTH_M)
+            return Correspondences2D3D(points, px, keypoint_px**2)
+        depth = np.maximum(view.project(points)[1], NEAREST_LANDMARK_M)
         landmark_px = view.intrinsics.fx * self.database.index.sigma_m[matches.landmark] / depth
-        return Sightings(points, px, keypoint_px**2 + landmark_px**2)
+        return Correspondences2D3D(points, px, keypoint_px**2 + landmark_px**2)
 
-    def unexplained(self, matches: Matches, views: list[View]) -> Matches:
-        """The matches that none of the views agrees with."""
-        seen, left = self.sightings(matches), np.ones(len(matches), bool)
-        for view in views:
-            left &= view.squared_errors(seen.points_world, seen.px) >= self.near_px**2
+    def unexplained(self, matches: Matches, poses: Sequence[SupportedPose]) -> Matches:
+        """The matches that none of the poses agrees with."""
+        points, left = self.correspondences(matches), np.ones(len(matches), bool)
+        for pose in poses:
+            errors = pose.view.squared_errors(points.points_world, points.px)
+            left &= errors >= self.inlier_threshold_px**2
         return matches[left]
+
+
+def min_matches(poses: Sequence[SupportedPose]) -> int:
+    """Matches that one more place must have: enough for a pose, and a share of the best pose's."""
+    most = max((pose.inliers for pose in poses), default=0)
+    return max(MIN_MATCHES, int(RIVAL_SHARE * most))

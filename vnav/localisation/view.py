@@ -14,6 +14,17 @@ MIN_DEPTH_M = 1e-3
 
 
 @dataclass(frozen=True)
+class CameraPrior:
+    """What is known of a camera: its intrinsics, and how well its focal length is known.
+
+    ``focal_sigma``: relative standard deviation; 0: exact, inf: nothing is known.
+    """
+
+    intrinsics: Intrinsics
+    focal_sigma: float
+
+
+@dataclass(frozen=True)
 class View:
     """Where a camera stands and how it sees: ``T_camera_world`` (4, 4) and its intrinsics."""
 

@@ -19,9 +19,10 @@ from vnav.io.store.index_file import load_index
 from vnav.io.store.map_folder import MapFolder
 from vnav.io.store.tree_file import load_tree
 from vnav.localisation.database import LandmarkDatabase
-from vnav.localisation.localise import Located, NotLocated, localise
+from vnav.localisation.localise import localise
 from vnav.localisation.photo import prepare
 from vnav.localisation.query import Query
+from vnav.localisation.verdict.decision import Located, NotLocated
 from vnav.optimisation.segments import MIN_AGREEING, same_pose
 
 MAX_KEYFRAMES = 48  # that are tried, those that look most like the map's first

@@ -5,8 +5,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vnav.core.voxels import Voxels
-from vnav.localisation.hypotheses import Hypothesis
-from vnav.localisation.uncertainty import Sigmas
+from vnav.localisation.verdict.uncertainty import Sigmas
+from vnav.localisation.verification.verify import VerifiedPose
 
 Image = NDArray[np.uint8]
 Color = tuple[int, int, int]
@@ -32,14 +32,14 @@ class Inset:
         grey = np.asarray(cv2.resize(grey, size, interpolation=cv2.INTER_AREA), np.uint8)
         self.image: Image = np.repeat(grey[:, :, None], 3, 2)
 
-    def draw(self, hypothesis: Hypothesis, color: Color) -> None:
+    def draw(self, hypothesis: VerifiedPose, color: Color) -> None:
         """A dot where the camera stands, and an arrow the way it looks."""
         T = hypothesis.view.T_world_camera
         start, tip = self._px(T[:2, 3]), self._px(T[:2, 3] + ARROW_M * T[:2, 2])
         cv2.arrowedLine(self.image, start, tip, color, 2, cv2.LINE_AA, tipLength=0.3)
         cv2.circle(self.image, start, 3, color, -1, cv2.LINE_AA)
 
-    def draw_uncertainty(self, hypothesis: Hypothesis, sigmas: Sigmas) -> None:
+    def draw_uncertainty(self, hypothesis: VerifiedPose, sigmas: Sigmas) -> None:
         """The ellipse, to scale, that holds the camera's place on the floor with 99 %."""
         values, vectors = np.linalg.eigh(sigmas.position_covariance[:2, :2])
         lengths = ELLIPSE_SIGMAS * self._scale * np.sqrt(np.maximum(values, 0))

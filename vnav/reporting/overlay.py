@@ -9,10 +9,10 @@ from numpy.typing import NDArray
 from vnav.core.voxels import Voxels
 from vnav.errors import VnavError
 from vnav.io.photos.photos import read_photo
-from vnav.localisation.answer import PhotoAnswer, summary
 from vnav.localisation.database import LandmarkDatabase
-from vnav.localisation.guided import predict
-from vnav.localisation.hypotheses import Hypothesis
+from vnav.localisation.verdict.answer import PhotoAnswer, summary
+from vnav.localisation.verification.prediction import predict
+from vnav.localisation.verification.verify import VerifiedPose
 from vnav.reporting.inset import GREEN, RED, Inset
 
 YELLOW, BLUE = (0, 220, 255), (255, 150, 60)  # BGR
@@ -55,7 +55,7 @@ def _seen(answer: PhotoAnswer) -> NDArray[np.uint8]:
 
 
 def _draw_pose(
-    canvas: NDArray[np.uint8], answer: PhotoAnswer, best: Hypothesis, database: LandmarkDatabase
+    canvas: NDArray[np.uint8], answer: PhotoAnswer, best: VerifiedPose, database: LandmarkDatabase
 ) -> None:
     for x, y in predict(best.view, database).px:
         cv2.circle(canvas, (round(x), round(y)), 1, BLUE, -1, cv2.LINE_AA)

@@ -11,7 +11,7 @@ import numpy as np
 from vnav.core import se3
 from vnav.errors import VnavError
 from vnav.io.store.map_folder import write_text
-from vnav.localisation.answer import PhotoAnswer, UnreadablePhoto
+from vnav.localisation.verdict.answer import PhotoAnswer, UnreadablePhoto
 
 CSV_HEADER = (
     *("photo", "located", "reason", "tx", "ty", "tz", "qx", "qy", "qz", "qw"),

@@ -16,9 +16,10 @@ from vnav.io.store.stage_reports import clock, finished, reused, settings_of
 from vnav.io.store.tree_file import load_tree
 from vnav.localisation.database import LandmarkDatabase
 from vnav.localisation.indexing import MappedKeyframe, build
-from vnav.localisation.localise import Located, localise
+from vnav.localisation.localise import localise
 from vnav.localisation.photo import prepare
 from vnav.localisation.query import Query
+from vnav.localisation.verdict.decision import Located
 from vnav.threads import one_blas_thread
 from vnav.volumes.octree import Octree
 

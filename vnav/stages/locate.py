@@ -25,12 +25,14 @@ from vnav.io.store.artifacts import map_camera
 from vnav.io.store.index_file import load_index
 from vnav.io.store.map_folder import MapFolder
 from vnav.io.store.tree_file import load_tree
-from vnav.localisation.answer import IMAGE, PhotoAnswer, UnreadablePhoto
 from vnav.localisation.database import LandmarkDatabase
-from vnav.localisation.localise import Located, NotLocated, localise, own_focal
+from vnav.localisation.inverted_file import load_compiled
+from vnav.localisation.localise import localise
 from vnav.localisation.photo import prepare
 from vnav.localisation.query import Query
-from vnav.localisation.words import load_compiled
+from vnav.localisation.verdict.answer import IMAGE, PhotoAnswer, UnreadablePhoto
+from vnav.localisation.verdict.decision import Located, NotLocated
+from vnav.localisation.verdict.uncertainty import focal_length_check
 from vnav.threads import one_blas_thread
 
 DOUBTFUL = 0.03  # relative error of an assumed focal length that is told, if it is significant
@@ -171,7 +173,7 @@ def _flaw(image: NDArray[np.uint8]) -> str:
 
 def _doubts(path: Path, result: Located, query: Query) -> tuple[str, ...]:
     """A warning where the matches contradict the camera that was assumed."""
-    factor, sigma = own_focal(result.best, query)
+    factor, sigma = focal_length_check(result.best, query)
     if abs(np.log(factor)) < max(DOUBTFUL, SIGNIFICANT * sigma):
         return ()
     return (

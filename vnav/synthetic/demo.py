@@ -18,7 +18,7 @@ from vnav.io.formats.grid_files import read_grid
 from vnav.io.formats.trajectories import read_photo_poses, read_tum
 from vnav.io.sources.open_capture import open_capture
 from vnav.io.store.map_folder import MapFolder
-from vnav.localisation.answer import PhotoAnswer
+from vnav.localisation.verdict.answer import PhotoAnswer
 from vnav.pipeline.build import build_map
 from vnav.planning.planner import Plan
 from vnav.reporting import map_page as report

@@ -1,0 +1,94 @@
+import dataclasses
+
+import numpy as np
+import pytest
+
+from vnav.core import se3
+from vnav.core.camera import Intrinsics
+from vnav.localisation.hypotheses.pose_refinement import refine_pose
+from vnav.localisation.matches import Correspondences2D3D
+from vnav.localisation.view import CameraPrior, View
+
+CAMERA = Intrinsics(640, 480, 525.0, 525.0, 319.5, 239.5)
+EXACT, UNKNOWN = CameraPrior(CAMERA, 0.0), CameraPrior(CAMERA, np.inf)
+
+
+def correspondences(view, rng, *, count=200, noise_px=1.0):
+    points = rng.uniform([-2, -1.5, 2], [2, 1.5, 5], (count, 3))
+    px, _ = view.project(points)
+    return Correspondences2D3D(points, px + rng.normal(0, noise_px, px.shape), np.full(count, 1.0))
+
+
+def off(view, true):
+    T = view.T_camera_world @ se3.inverse(true.T_camera_world)
+    return np.append(se3.log_so3(T[:3, :3]), T[:3, 3])
+
+
+@pytest.fixture
+def true():
+    return View(se3.exp([0.02, -0.01, 0.03, 0.05, -0.02, 0.04]), CAMERA)
+
+
+def test_without_noise_the_true_view_is_found(true):
+    matched = correspondences(true, np.random.default_rng(0), noise_px=0.0)
+    found = refine_pose(View(np.eye(4), CAMERA), matched, EXACT)
+    np.testing.assert_allclose(off(found.view, true), 0, atol=1e-5)
+
+
+def test_outliers_hardly_pull(true):
+    """A tenth of the points 30 px off, all the same way: least squares would turn by 3 px."""
+    rng = np.random.default_rng(1)
+    matched = correspondences(true, rng)
+    px = matched.px.copy()
+    px[:20, 0] += 30
+    found = refine_pose(true, dataclasses.replace(matched, px=px), EXACT)
+    assert np.linalg.norm(off(found.view, true)[:3]) < 1 / 525  # a third of that
+
+
+def test_the_covariance_is_the_scatter_of_the_result(true):
+    """200 repetitions: a standard deviation is known to 5 %, so 20 % are four of its sigmas."""
+    rng = np.random.default_rng(2)
+    points = correspondences(true, rng, count=100).points_world
+    px, _ = true.project(points)
+    results = []
+    for _ in range(200):
+        matched = Correspondences2D3D(points, px + rng.normal(0, 1, px.shape), np.ones(100))
+        results.append(refine_pose(true, matched, EXACT))
+    scatter = np.std([off(r.view, true) for r in results], axis=0)
+    estimated = np.sqrt(np.mean([np.diag(r.covariance) for r in results], axis=0))
+    np.testing.assert_allclose(estimated, scatter, rtol=0.2)
+
+
+def test_residuals_larger_than_their_variances_widen_the_covariance(true):
+    rng = np.random.default_rng(3)
+    matched = correspondences(true, rng, noise_px=3.0)
+    honest = refine_pose(true, dataclasses.replace(matched, variance_px2=np.full(200, 9.0)), EXACT)
+    understated = refine_pose(true, matched, EXACT)
+    ratio = np.sqrt(np.trace(understated.covariance) / np.trace(honest.covariance))
+    assert 0.7 < ratio < 1.1  # Huber's kernel counts large residuals less than their squares
+
+
+def test_an_unknown_focal_length_is_found(true):
+    long = dataclasses.replace(true, intrinsics=dataclasses.replace(CAMERA, fx=600.0, fy=600.0))
+    matched = correspondences(long, np.random.default_rng(4))
+    found = refine_pose(View(true.T_camera_world, CAMERA), matched, UNKNOWN)
+    sigma = np.sqrt(found.covariance[6, 6])
+    assert abs(np.log(found.view.intrinsics.fx / 600)) < 4 * sigma
+    assert sigma < 0.01
+
+
+def test_a_prior_holds_a_focal_length_that_the_points_leave_open(true):
+    """Points in a plane that faces the camera: focal length and distance trade off."""
+    rng = np.random.default_rng(5)
+    points = rng.uniform([-1, -1, 3], [1, 1, 3.001], (50, 3))
+    px, _ = true.project(points)
+    matched = Correspondences2D3D(points, px + rng.normal(0, 0.5, px.shape), np.full(50, 0.25))
+    found = refine_pose(View(np.eye(4), CAMERA), matched, CameraPrior(CAMERA, 0.02))
+    assert abs(np.log(found.view.intrinsics.fx / 525)) < 4 * 0.02
+    assert np.sqrt(found.covariance[6, 6]) < 0.021
+
+
+def test_the_step_moves_the_view_as_its_tangent_says(true):
+    xi = np.array([0.01, 0.02, -0.03, 0.1, -0.2, 0.3])
+    expected = true.T_world_camera @ se3.exp(xi)
+    np.testing.assert_allclose(true.moved(xi).T_world_camera, expected, atol=1e-12)

@@ -1,0 +1,72 @@
+import numpy as np
+import pytest
+
+from vnav.config import LocateConfig
+from vnav.core import se3
+from vnav.localisation.matches import Matches, no_matches
+from vnav.localisation.photo import prepare
+from vnav.localisation.query import Query
+from vnav.localisation.search.candidates import SearchResult
+from vnav.localisation.verdict.decision import Located, NotLocated, decide
+from vnav.localisation.verification.verify import VerifiedPose
+from vnav.localisation.view import View
+
+SEARCHED = SearchResult(no_matches(), 50, ())
+
+
+@pytest.fixture
+def query(world) -> Query:
+    features, _ = world.seen(world.looking((0, 0, 1.4), 0), world.things, np.random.default_rng(0))
+    photo = prepare(features, world.camera, 0.0, world.database.tree)
+    return Query(photo, world.database, LocateConfig())
+
+
+def pose_at(query, x, found) -> VerifiedPose:
+    """A pose with so many of 20 predicted landmarks found in each of 48 cells."""
+    landmarks = np.arange(100)
+    matches = Matches(landmarks, landmarks, landmarks.astype(np.int32), np.zeros(100, np.float32))
+    T_world_camera = se3.make(np.eye(3), (x, 0.0, 1.4))
+    cells = np.stack([np.full(48, found), np.full(48, 20)])
+    view = View(se3.inverse(T_world_camera), query.photo.intrinsics)
+    return VerifiedPose(view, 1e-6 * np.eye(6), matches, cells)
+
+
+def test_a_pose_that_the_map_bears_out_is_given(query):
+    answer = decide([pose_at(query, 0.0, 9)], SEARCHED, query)
+    assert isinstance(answer, Located)
+    assert answer.confidence > 0.95
+
+
+def test_the_stronger_of_two_poses_comes_first_whichever_was_found_first(query):
+    weak, strong = pose_at(query, 0.0, 1), pose_at(query, 5.0, 9)
+    for poses in ([weak, strong], [strong, weak]):
+        assert decide(poses, SEARCHED, query).hypotheses == (strong, weak)
+
+
+def test_poses_of_one_place_are_one_hypothesis(query):
+    """20 cm apart, of the 25 cm that a place is wide."""
+    poses = [pose_at(query, 0.0, 9), pose_at(query, 0.2, 9)]
+    answer = decide(poses, SEARCHED, query)
+    assert isinstance(answer, Located)
+    assert answer.hypotheses == (poses[0],)
+
+
+def test_two_places_that_are_borne_out_alike_are_ambiguous(query):
+    answer = decide([pose_at(query, 0.0, 9), pose_at(query, 0.3, 9)], SEARCHED, query)
+    assert isinstance(answer, NotLocated)
+    assert answer.reason == "ambiguous"
+    np.testing.assert_allclose(answer.chances, 0.5, atol=1e-2)
+
+
+def test_a_pose_of_which_hardly_anything_is_found_is_not_given(query):
+    answer = decide([pose_at(query, 0.0, 0)], SEARCHED, query)
+    assert isinstance(answer, NotLocated)
+    assert answer.reason == "no consistent pose"
+
+
+@pytest.mark.parametrize(("votes", "reason"), [(11, "too few matches"), (12, "no consistent pose")])
+def test_without_a_pose_the_reason_is_whether_matches_were_enough_for_one(query, votes, reason):
+    """12 inliers make a pose: `locate.min_inliers`."""
+    answer = decide([], SearchResult(no_matches(), votes, ()), query)
+    assert isinstance(answer, NotLocated)
+    assert answer.reason == reason

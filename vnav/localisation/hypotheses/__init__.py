@@ -1,0 +1,1 @@
+"""Poses from matches: minimal solvers, RANSAC, refinement."""

@@ -1,0 +1,87 @@
+"""Nearest descriptors among those that share a word; compiled: only few pairs share one."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from vnav.core.arrays import Floats, Rows, frozen
+
+
+@dataclass(frozen=True)
+class InvertedFile:
+    """Descriptors (D, 128), bytes, in the order of the tree's leaves, and where each lies.
+
+    Two descriptors whose ``position`` (D, k) differs by less than ``same_within`` in every
+    coordinate may be of the same point: one is no second-nearest of the other.
+    """
+
+    descriptors: NDArray[np.uint8]
+    position: Floats
+    same_within: float
+
+    def __post_init__(self) -> None:
+        n = len(self.descriptors)
+        object.__setattr__(self, "descriptors", frozen(self.descriptors, np.uint8, (n, None)))
+        object.__setattr__(self, "position", frozen(self.position, np.float32, (n, None)))
+
+
+def nearest_distinct(
+    queries: NDArray[np.uint8], span: NDArray[np.int32], file: InvertedFile, count: int
+) -> tuple[Rows, Floats]:
+    """The ``count`` nearest rows of the file (Q, count) in each query's range, and distances.
+
+    ``queries`` (Q, 128), ``span`` (Q, 2), none empty. Each row lies elsewhere than the nearer ones;
+    where there are no more, the distance is inf. Linear search, as in claim 4, 2.4.
+    """
+    rows, squared = _nearest_distinct(
+        queries, span, file.descriptors, file.position, file.same_within, count
+    )
+    return rows, np.sqrt(squared)
+
+
+def load_compiled() -> None:
+    """What the first call of anything compiled does: load numba's library, a third of a second."""
+    squared_distance(np.zeros(1, np.uint8), np.zeros(1, np.uint8))
+
+
+@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+def _nearest_distinct(
+    queries: NDArray[np.uint8],
+    span: NDArray[np.int32],
+    descriptors: NDArray[np.uint8],
+    position: Floats,
+    same_within: float,
+    count: int,
+) -> tuple[Rows, Floats]:
+    rows = np.empty((len(queries), count), np.intp)
+    squared = np.full((len(queries), count), np.inf, np.float32)
+    left = np.empty((span[:, 1] - span[:, 0]).max() if len(span) else 0, np.float32)
+    for q in range(len(queries)):
+        begin, end = span[q]
+        rows[q] = begin
+        for row in range(begin, end):
+            left[row - begin] = squared_distance(queries[q], descriptors[row])
+        for k in range(count):
+            nearest = begin + left[: end - begin].argmin()
+            if left[nearest - begin] == np.inf:
+                break
+            rows[q, k], squared[q, k] = nearest, left[nearest - begin]
+            for row in range(begin, end):
+                for d in range(position.shape[1]):
+                    if not abs(position[row, d] - position[nearest, d]) < same_within:
+                        break
+                else:
+                    left[row - begin] = np.inf
+    return rows, squared
+
+
+@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+def squared_distance(a: NDArray[np.uint8], b: NDArray[np.uint8]) -> int:
+    """Exact; without a way out of the loop, so that it is done many bytes at a time."""
+    total = np.int32(0)
+    for d in range(len(a)):
+        difference = np.int32(a[d]) - np.int32(b[d])
+        total += difference * difference
+    return int(total)

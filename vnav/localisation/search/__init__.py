@@ -1,0 +1,1 @@
+"""Which parts of the map a photo matches: words, ratio tests, covisibility clusters."""

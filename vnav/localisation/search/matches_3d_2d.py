@@ -1,0 +1,46 @@
+"""Matches from landmarks near matched ones back to the photo: active search (claim 4, 2.6 to 2.9).
+
+Source: Sattler, Leibe, Kobbelt, "Efficient & effective prioritized matching for large-scale
+image-based localization", 2017.
+"""
+
+import numpy as np
+
+from vnav.core.arrays import Rows
+from vnav.localisation.database import LandmarkDatabase
+from vnav.localisation.inverted_file import nearest_distinct
+from vnav.localisation.matches import Matches
+from vnav.localisation.query import Query
+from vnav.localisation.search.matches_2d_3d import BATCH, bounded, fewest_first
+
+
+def match_3d_2d(found: Matches, query: Query) -> Matches:
+    """The matches found, and those of their landmarks' neighbours in space, one to one.
+
+    Landmarks with the fewest candidates come first, until there are enough matches.
+    """
+    photo, database, config = query.photo, query.database, query.config
+    rows = _neighbours(found, database)
+    span = photo.span[database.words(rows, config.level_3d_2d)]
+    queue = fewest_first(np.arange(len(rows)), span[:, 1] - span[:, 0])
+    for first in range(0, len(queue), BATCH):
+        if len(found) >= config.enough_matches:
+            break
+        chosen = queue[first : first + BATCH]
+        row = rows[chosen]
+        feature, distance = nearest_distinct(
+            database.index.descriptors[row], span[chosen], photo.inverted_file, 2
+        )
+        ratio = distance[:, 0] / bounded(distance[:, 1], database)
+        good = ratio < config.ratio_3d_2d
+        more = Matches(feature[good, 0], row[good], database.index.owner[row[good]], ratio[good])
+        found = found.joined(more).one_to_one()
+    return found
+
+
+def _neighbours(found: Matches, database: LandmarkDatabase) -> Rows:
+    """Rows of the descriptors of the landmarks near matched ones, without those."""
+    near = np.zeros(len(database.index.points_world), bool)
+    near[database.index.neighbours[found.landmark]] = True
+    near[found.landmark] = False
+    return database.rows_of(np.flatnonzero(near))

@@ -1,0 +1,83 @@
+"""The last room of locating: which pose is given, or why none is."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from vnav.core import se3
+from vnav.core.frame import Rejected
+from vnav.localisation.query import Query
+from vnav.localisation.search.candidates import SearchResult
+from vnav.localisation.verdict.uncertainty import Sigmas, sigmas
+from vnav.localisation.verification.evidence import posterior
+from vnav.localisation.verification.verify import VerifiedPose
+from vnav.localisation.view import View
+
+NEAR_M, NEAR_RAD = 0.25, np.deg2rad(10.0)  # what counts as the same place
+
+
+@dataclass(frozen=True)
+class Located:
+    """The answer, every hypothesis with the answer first, and how many matches the search found.
+
+    ``chances``: probability of each hypothesis' place; ``confidence``: that the pose is within
+    25 cm and 10 degrees.
+    """
+
+    best: VerifiedPose
+    hypotheses: tuple[VerifiedPose, ...]
+    chances: tuple[float, ...]
+    matches: int
+    sigmas: Sigmas
+    confidence: float
+
+    @property
+    def inliers(self) -> int:
+        """Number of matches that agree with the answer."""
+        return self.best.inliers
+
+
+@dataclass(frozen=True)
+class NotLocated(Rejected):
+    """Why the photo was not located; hypotheses that were not good enough, and their chances."""
+
+    hypotheses: tuple[VerifiedPose, ...] = ()
+    chances: tuple[float, ...] = ()
+
+
+def decide(
+    poses: Sequence[VerifiedPose], searched: SearchResult, query: Query
+) -> Located | NotLocated:
+    """The best pose, if the photo was taken there as good as surely, and how exact it is."""
+    matches, wanted = len(searched.matches), query.config.min_confidence
+    if not poses and searched.votes < query.config.min_inliers:
+        return NotLocated("too few matches", matches)
+    places = _distinct_places(poses)
+    chances = tuple(posterior([place.evidence for place in places]).tolist())
+    inliers = places[0].inliers if places else 0
+    if sum(chances) < wanted:
+        return NotLocated("no consistent pose", matches, inliers, places, chances)
+    if chances[0] < wanted:
+        return NotLocated("ambiguous", matches, inliers, places, chances)
+    error = sigmas(places[0], query.database.index)
+    confidence = chances[0] * error.within(NEAR_M, NEAR_RAD)
+    if confidence < wanted:
+        reason = f"the pose is too uncertain: {error}"
+        return NotLocated(reason, matches, inliers, places, chances)
+    return Located(places[0], places, chances, matches, error, confidence)
+
+
+def _distinct_places(poses: Sequence[VerifiedPose]) -> tuple[VerifiedPose, ...]:
+    """The strongest pose of each place, the strongest first."""
+    places: list[VerifiedPose] = []
+    for pose in sorted(poses, key=lambda pose: -pose.evidence.strength):
+        if not any(_is_same_place(pose.view, place.view) for place in places):
+            places.append(pose)
+    return tuple(places)
+
+
+def _is_same_place(a: View, b: View) -> bool:
+    T = se3.inverse(a.T_world_camera) @ b.T_world_camera
+    near = np.linalg.norm(T[:3, 3]) < NEAR_M
+    return bool(near and se3.rotation_angle(T) < NEAR_RAD)

@@ -1,0 +1,1 @@
+"""What the map predicts to be seen from a pose, and what of it the photo shows."""

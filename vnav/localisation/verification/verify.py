@@ -1,0 +1,101 @@
+"""The third room of locating: poses refined and judged by what the map predicts there."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vnav.core.arrays import Array
+from vnav.localisation.hypotheses.hypothesise import pose_of
+from vnav.localisation.hypotheses.pose_refinement import refine_pose
+from vnav.localisation.hypotheses.ransac import PoseHypothesis
+from vnav.localisation.matches import Matches
+from vnav.localisation.query import MIN_MATCHES, Query
+from vnav.localisation.verification.evidence import Evidence, evidence, posterior
+from vnav.localisation.verification.image_cells import cell_counts
+from vnav.localisation.verification.prediction import predict, reprojected
+from vnav.localisation.verification.projection_matching import match_by_projection, one_to_one
+from vnav.localisation.view import View
+
+SEARCH_RADII = 3.0, 2.0  # one after the other, in inlier thresholds
+WIDE_RADIUS = 25.0  # about a pose that few matches hold, in the same
+
+
+@dataclass(frozen=True)
+class VerifiedPose:
+    """A pose that the map bears out: what agrees with it, and how strongly (see `evidence`).
+
+    ``covariance`` (6, 6), or (7, 7) with the log focal length, of ``T_world_camera``'s tangent;
+    ``cells`` (2, C): landmarks found and predicted in each cell of the image.
+    """
+
+    view: View
+    covariance: Array
+    matches: Matches
+    cells: NDArray[np.intp]
+
+    @cached_property
+    def evidence(self) -> Evidence:
+        """How much speaks for the pose."""
+        return evidence(self.cells)
+
+    @property
+    def inliers(self) -> int:
+        """Number of matches that agree."""
+        return len(self.matches)
+
+
+def verify(
+    hypotheses: Sequence[PoseHypothesis], query: Query, rng: np.random.Generator
+) -> list[VerifiedPose]:
+    """Each hypothesis after guided matching, without those that find too little."""
+    verified = [_verified(hypothesis.view, query, rng) for hypothesis in hypotheses]
+    return [pose for pose in verified if pose]
+
+
+def confirmed(poses: Sequence[VerifiedPose], query: Query) -> VerifiedPose | None:
+    """The strongest pose, if it is likely enough were there no other place like it."""
+    strongest = max(poses, key=lambda pose: pose.evidence.strength, default=None)
+    if strongest is None or posterior([strongest.evidence])[0] < query.config.min_confidence:
+        return None
+    return strongest
+
+
+def _verified(view: View, query: Query, rng: np.random.Generator) -> VerifiedPose | None:
+    """The pose after guided matching; where few matches hold it, the better one of those near it.
+
+    Few matches of things that repeat themselves can agree on a pose beside the right one, and
+    guided matching then only finds what agrees with that.
+    """
+    first = _guided(view, query)
+    if first is None or first.inliers >= query.config.enough_matches:
+        return first
+    around = pose_of(_matches_around(first.view, query), MIN_MATCHES, query, rng)
+    second = _guided(around.view, query) if around else None
+    return second if second and second.evidence.strength > first.evidence.strength else first
+
+
+def _guided(view: View, query: Query) -> VerifiedPose | None:
+    """The pose after guided matching of what the map predicts, None where that finds too little."""
+    photo, database = query.photo, query.database
+    prediction = predict(view, database)
+    for k, radius in enumerate(SEARCH_RADII):
+        if k > 0:
+            prediction = reprojected(prediction.rows, view, database)
+        found = match_by_projection(prediction, photo, database, radius * query.inlier_threshold_px)
+        matches = one_to_one(found, prediction, database)
+        if len(matches) < query.config.min_inliers:
+            return None
+        refined = refine_pose(view, query.correspondences(matches, view), photo.camera)
+        view = refined.view
+    return VerifiedPose(view, refined.covariance, matches, cell_counts(prediction, found, photo))
+
+
+def _matches_around(view: View, query: Query) -> Matches:
+    """All that the map predicts, sought in a wide circle."""
+    prediction = predict(view, query.database)
+    radius_px = WIDE_RADIUS * query.inlier_threshold_px
+    found = match_by_projection(prediction, query.photo, query.database, radius_px)
+    return one_to_one(found, prediction, query.database)
