@@ -10,7 +10,7 @@ import click
 from vnav.cli.options import console_progress
 
 if TYPE_CHECKING:
-    from vnav.io.datasets.datasets import Verdict
+    from vnav.io.datasets.fetched import Verdict
 
 json_option = click.option("--json", "as_json", is_flag=True, help="Print it as one JSON array.")
 names_argument = click.argument("names", metavar="[NAME]...", nargs=-1)
@@ -38,7 +38,7 @@ def datasets() -> None:
 def list_(names: tuple[str, ...], root: Path | None, as_json: bool) -> None:
     """List the sequences that can be fetched: all, or those NAMEs or patterns stand for."""
     from vnav.io.datasets.catalogue import catalogue, named
-    from vnav.io.datasets.datasets import datasets_folder, state
+    from vnav.io.datasets.fetched import datasets_folder, state
 
     root = root or datasets_folder()
     chosen = named(catalogue(), names) if names else catalogue()
@@ -82,8 +82,8 @@ def fetch(names: tuple[str, ...], root: Path | None, base_url: str | None) -> No
     Goes on where an earlier fetch broke off; checks the archive; unpacks it.
     """
     from vnav.io.datasets.catalogue import catalogue, named
-    from vnav.io.datasets.datasets import datasets_folder
-    from vnav.io.datasets.datasets import fetch as fetch_one
+    from vnav.io.datasets.fetched import datasets_folder
+    from vnav.io.datasets.fetched import fetch as fetch_one
 
     root = root or datasets_folder()
     for sequence in named(catalogue(base_url), names):
@@ -100,22 +100,28 @@ def verify(names: tuple[str, ...], root: Path | None, as_json: bool) -> int:
 
     Exit code 1 where a file is missing or damaged: fetch replaces the sequence then.
     """
-    from vnav.io.datasets import datasets as io
-    from vnav.io.datasets.catalogue import catalogue, named
-
-    root = root or io.datasets_folder()
-    chosen = named(catalogue(), names) if names else catalogue()
-    fetched = [sequence for sequence in chosen if io.state(sequence, root) == "fetched"]
-    verdicts = {sequence.name: io.verify(sequence, root) for sequence in fetched}
-    absent = [sequence.name for sequence in chosen if names and sequence not in fetched]
+    verdicts, absent = _checked(names, root)
     if as_json:
         rows = [{"name": name} | asdict(verdict) for name, verdict in verdicts.items()]
         click.echo(json.dumps(rows + [{"name": name, "files": 0} for name in absent], indent=1))
     else:
         lines = [f"{name}  {_summary(verdict)}" for name, verdict in verdicts.items()]
         lines += [f"{name}  not fetched" for name in absent]
-        click.echo("\n".join(lines or [f"nothing was fetched to {root}"]))
+        click.echo("\n".join(lines or ["nothing was fetched yet; 'vnav datasets fetch NAME' does"]))
     return int(bool(absent) or not all(verdict.whole for verdict in verdicts.values()))
+
+
+def _checked(names: tuple[str, ...], root: Path | None) -> tuple[dict[str, "Verdict"], list[str]]:
+    """What was found of each sequence that is there; those asked for by name that are not."""
+    from vnav.io.datasets.catalogue import catalogue, named
+    from vnav.io.datasets.fetched import datasets_folder, state
+    from vnav.io.datasets.fetched import verify as check
+
+    root = root or datasets_folder()
+    chosen = named(catalogue(), names) if names else catalogue()
+    there = [sequence for sequence in chosen if state(sequence, root) == "fetched"]
+    absent = [sequence.name for sequence in chosen if names and sequence not in there]
+    return {sequence.name: check(sequence, root) for sequence in there}, absent
 
 
 def _summary(verdict: "Verdict") -> str:

@@ -68,7 +68,7 @@ def locate(
     """
     from vnav import config
     from vnav.api.map import open_map
-    from vnav.io.photos.photos import find_photos
+    from vnav.io.photos.photo_files import find_photos
     from vnav.reporting.photo_table import write_csv
 
     require_one_way(jobs, scheduler)

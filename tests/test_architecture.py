@@ -48,7 +48,7 @@ OWNERS = {
     },
     "matplotlib": {"vnav.reporting"},
     "numpy": {"vnav"},
-    "numba": {"vnav"},
+    "numba": {"vnav.compiled"},
     "scipy": {"vnav"},
     "threadpoolctl": {"vnav.threads"},
 }

@@ -23,8 +23,8 @@ from vnav.synthetic import (
     one_room,
     write_capture,
 )
-from vnav.synthetic.building import building
 from vnav.synthetic.furniture import shelf, table
+from vnav.synthetic.many_rooms import building
 from vnav.synthetic.path import look
 from vnav.synthetic.rendered_capture import camera_poses, photo_poses
 from vnav.synthetic.repeating import ROOM_M, SHELF_M, shop, twin_rooms

@@ -18,7 +18,7 @@ from vnav.io.formats.trajectories import read_tum
 from vnav.io.store.artifacts import load_loop_edges, load_loops
 from vnav.io.store.map_folder import MapFolder
 from vnav.io.store.tree_file import load_tree
-from vnav.loop_closing.verification import NEIGHBOURS
+from vnav.loop_closing.loop_verification import NEIGHBOURS
 from vnav.optimisation.segments import align_segments
 from vnav.stages import loops
 

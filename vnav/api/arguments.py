@@ -13,7 +13,7 @@ from vnav.core.camera import Camera, Intrinsics
 from vnav.core.trajectory import Trajectory
 from vnav.errors import PhotoError
 from vnav.io.formats.trajectories import read_tum
-from vnav.io.photos.photos import AUTO, PhotoCameraSource
+from vnav.io.photos.photo_files import AUTO, PhotoCameraSource
 from vnav.io.sources.capture import Capture
 from vnav.io.sources.open_capture import open_capture
 

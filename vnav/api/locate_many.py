@@ -9,7 +9,7 @@ from pathlib import Path
 from vnav.config import Config
 from vnav.core.progress import Progress, silent
 from vnav.core.report import Failed
-from vnav.io.photos.photos import PhotoCameraSource
+from vnav.io.photos.photo_files import PhotoCameraSource
 from vnav.io.store.map_folder import MapFolder
 from vnav.localisation.verdict.answer import PhotoAnswer, UnreadablePhoto
 from vnav.stages.locate import Locator, locate

@@ -26,7 +26,7 @@ from vnav.core.point_cloud import Mesh, PointCloud
 from vnav.core.progress import Progress, silent
 from vnav.core.trajectory import Trajectory
 from vnav.errors import MapError
-from vnav.io.photos.photos import PhotoCameraSource
+from vnav.io.photos.photo_files import PhotoCameraSource
 from vnav.io.store.map_folder import MapFolder
 from vnav.localisation.verdict.answer import PhotoAnswer, UnreadablePhoto
 from vnav.pipeline.build import BuiltMap

@@ -3,7 +3,7 @@
 from dataclasses import asdict, dataclass
 from typing import Any
 
-from vnav.checking import verdict
+from vnav.checking import rules
 from vnav.checking.quality import (
     FileFindings,
     FrameFindings,
@@ -12,7 +12,7 @@ from vnav.checking.quality import (
     look_at_frames,
     look_at_times,
 )
-from vnav.checking.verdict import sizes_text
+from vnav.checking.rules import sizes_text
 from vnav.core.camera import Camera
 from vnav.core.progress import Progress, silent
 from vnav.errors import CaptureError
@@ -54,15 +54,15 @@ def inspect(capture: Capture, *, progress: Progress = silent) -> CaptureReport:
     Frames are not decoded where there is no depth, or the files' sizes rule the capture out.
     """
     files = look_at_files(capture, progress) if isinstance(capture, FileBacked) else None
-    fatal = verdict.no_depth(capture)
+    fatal = rules.no_depth(capture)
     if files is not None:
-        fatal += verdict.wrong_sizes(capture.camera, files)
+        fatal += rules.wrong_sizes(capture.camera, files)
     look = None if fatal else look_at_frames(capture, progress)
     fitting = implausible = None
     if look is not None:
-        fatal = verdict.nothing_seen(look)
-        fitting = verdict.fitting_units(capture.camera.units_per_metre, look)
-        implausible = verdict.implausible_units(capture.camera.units_per_metre, look, fitting)
+        fatal = rules.nothing_seen(look)
+        fitting = rules.fitting_units(capture.camera.units_per_metre, look)
+        implausible = rules.implausible_units(capture.camera.units_per_metre, look, fitting)
     return CaptureReport(
         capture.name,
         len(capture),
@@ -73,7 +73,7 @@ def inspect(capture: Capture, *, progress: Progress = silent) -> CaptureReport:
         fatal,
         implausible,
         fitting,
-        verdict.warnings(capture.stamps_s, files, look),
+        rules.warnings(capture.stamps_s, files, look),
     )
 
 
@@ -85,7 +85,7 @@ def problems(report: CaptureReport, *, force: bool = False) -> tuple[str, ...]:
 
 def require_depth(capture: Capture) -> None:
     """CaptureError where the capture has no depth."""
-    for reason in verdict.no_depth(capture):
+    for reason in rules.no_depth(capture):
         raise CaptureError(reason)
 
 

@@ -1,9 +1,10 @@
 """Matching near a predicted place; compiled, since only few pairs are near each other."""
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from vnav.compiled import compiled
+from vnav.compiled.descriptors import squared_distance
 from vnav.core.frame import Features
 
 
@@ -32,7 +33,7 @@ def match_guided(
     return rows
 
 
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@compiled
 def _match_guided(
     predicted: NDArray[np.float64],
     descriptors_a: NDArray[np.uint8],
@@ -51,18 +52,9 @@ def _match_guided(
         x, y = predicted[i]
         if not (x == x and y == y):
             continue
-        nearest, first, second = -1, np.inf, np.inf
-        for k in range(np.searchsorted(heights, y - radius), len(px)):
-            if heights[k] > y + radius:
-                break
-            dx, dy = px[k, 0] - x, heights[k] - y
-            if dx * dx + dy * dy > radius * radius:
-                continue
-            squared = _squared_distance(descriptors_a[i], described[k])
-            if squared < first:
-                nearest, first, second = k, squared, first
-            elif squared < second:
-                second = squared
+        nearest, first, second = _two_nearest(
+            descriptors_a[i], described, px, heights, (x, y, radius)
+        )
         if first < ratio_squared * second and first < most and first < taken_at[nearest]:
             taken_by[nearest], taken_at[nearest] = i, first
     matched = np.full(len(predicted), -1, np.int32)
@@ -73,11 +65,26 @@ def _match_guided(
     return np.stack((rows.astype(np.int32), matched[rows]), 1)
 
 
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
-def _squared_distance(a: NDArray[np.uint8], b: NDArray[np.uint8]) -> float:
-    """Exact, and without a way out of the loop, so that it is done many bytes at a time."""
-    total = np.int32(0)
-    for d in range(len(a)):
-        difference = np.int32(a[d]) - np.int32(b[d])
-        total += difference * difference
-    return float(total)
+@compiled
+def _two_nearest(
+    descriptor: NDArray[np.uint8],
+    described: NDArray[np.uint8],
+    px: NDArray[np.float64],
+    heights: NDArray[np.float64],
+    circle: tuple[float, float, float],
+) -> tuple[int, float, float]:
+    """The row in a circle that is nearest by descriptor, or -1, and the two least distances."""
+    x, y, radius = circle
+    nearest, first, second = -1, np.inf, np.inf
+    for k in range(np.searchsorted(heights, y - radius), len(px)):
+        if heights[k] > y + radius:
+            break
+        dx, dy = px[k, 0] - x, heights[k] - y
+        if dx * dx + dy * dy > radius * radius:
+            continue
+        squared = float(squared_distance(descriptor, described[k]))
+        if squared < first:
+            nearest, first, second = k, squared, first
+        elif squared < second:
+            second = squared
+    return nearest, first, second

@@ -1,9 +1,9 @@
 """Keypoints to 3D points by the pinhole model; compiled, since every frame lifts all its own."""
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from vnav.compiled import compiled
 from vnav.config import RegistrationConfig
 from vnav.core.camera import Intrinsics
 
@@ -34,7 +34,7 @@ def lift(
     return intrinsics.unproject(px, z).astype(np.float32)
 
 
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@compiled
 def _depths(
     px: NDArray[np.float64], depth_m: NDArray[np.float32], reach: int, limit: float
 ) -> NDArray[np.float64]:
@@ -52,7 +52,7 @@ def _depths(
     return z
 
 
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@compiled
 def _fill(
     window: NDArray[np.float64],
     px: NDArray[np.float64],
@@ -70,7 +70,7 @@ def _fill(
     return count
 
 
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@compiled
 def _plane(window: NDArray[np.float64]) -> tuple[float, float, float]:
     """Value at the keypoint and slopes of the plane through the window's inverse depths."""
     count, x, y, w = len(window), 0.0, 0.0, 0.0
@@ -88,7 +88,7 @@ def _plane(window: NDArray[np.float64]) -> tuple[float, float, float]:
     return w - slope_x * x - slope_y * y, slope_x, slope_y
 
 
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@compiled
 def _flat(window: NDArray[np.float64], plane: tuple[float, float, float], limit: float) -> bool:
     value, slope_x, slope_y = plane
     for k in range(len(window)):

@@ -3,9 +3,10 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from vnav.compiled import compiled
+from vnav.compiled.descriptors import squared_distance
 from vnav.core.arrays import Floats, Rows, frozen
 
 
@@ -46,7 +47,7 @@ def load_compiled() -> None:
     squared_distance(np.zeros(1, np.uint8), np.zeros(1, np.uint8))
 
 
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@compiled
 def _nearest_distinct(
     queries: NDArray[np.uint8],
     span: NDArray[np.int32],
@@ -75,13 +76,3 @@ def _nearest_distinct(
                 else:
                     left[row - begin] = np.inf
     return rows, squared
-
-
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
-def squared_distance(a: NDArray[np.uint8], b: NDArray[np.uint8]) -> int:
-    """Exact; without a way out of the loop, so that it is done many bytes at a time."""
-    total = np.int32(0)
-    for d in range(len(a)):
-        difference = np.int32(a[d]) - np.int32(b[d])
-        total += difference * difference
-    return int(total)

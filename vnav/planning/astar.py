@@ -7,16 +7,18 @@ that gets better moves to another bucket and none is queued twice.
 """
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from vnav.compiled import compiled
 from vnav.core.frame import Rejected
 
 UNIT = 256  # what a cell of cost 1 costs
 Cell = tuple[int, int]  # row, column
 Flat = NDArray[np.int32]  # a value or two for each cell, row by row
+Whole = Any  # an integer, or numpy's
 ToGoal = tuple[int, int, int, int]  # row, column, least cost of a straight and a diagonal move
 
 _START = -(2**31) + 1  # g, the cost from start, is counted from here: so 0 means not reached
@@ -62,7 +64,7 @@ def search(costs: NDArray[np.int32], start: Cell, goal: Cell) -> Route | Rejecte
     return Route(cells, (int(g[last]) - _START) / (2 * UNIT), expanded)
 
 
-@njit(cache=True)  # type: ignore[untyped-decorator]
+@compiled
 def _extremes(costs: Flat) -> tuple[int, int]:
     """Least and greatest cost of a passable cell."""
     least, most = np.int32(2**31 - 1), np.int32(0)
@@ -72,7 +74,7 @@ def _extremes(costs: Flat) -> tuple[int, int]:
     return int(least), int(most)
 
 
-@njit(cache=True)  # type: ignore[untyped-decorator]
+@compiled
 def _search(g: Flat, links: Flat, costs: Flat, width: int, ends: tuple[int, int]) -> int:
     """Enter the cost from start of every cell that may lead to goal; how many were expanded.
 
@@ -122,22 +124,22 @@ def _search(g: Flat, links: Flat, costs: Flat, width: int, ends: tuple[int, int]
     return expanded
 
 
-@njit(cache=True)  # type: ignore[untyped-decorator]
+@compiled
 def _across(straight: int) -> int:
     """What a diagonal move costs where a straight one costs this much."""
     return (straight * 181 + 64) >> 7
 
 
-@njit(cache=True)  # type: ignore[untyped-decorator]
-def _heuristic(row: int, column: int, to_goal: ToGoal) -> int:
+@compiled
+def _heuristic(row: Whole, column: Whole, to_goal: ToGoal) -> Whole:
     goal_row, goal_column, straight, diagonal = to_goal
     down, along = abs(row - goal_row), abs(column - goal_column)
     both = min(down, along)
     return straight * (max(down, along) - both) + diagonal * both
 
 
-@njit(cache=True)  # type: ignore[untyped-decorator]
-def _push(links: Flat, heads: Flat, node: int, f: int) -> None:
+@compiled
+def _push(links: Flat, heads: Flat, node: Whole, f: Whole) -> None:
     """Put a cell at the head of the bucket of F, whose number wraps round; node 0 is no cell."""
     bucket = np.uint64(f & (len(heads) - 1))
     links[np.uint64(node), _NEXT] = heads[bucket]
@@ -146,15 +148,15 @@ def _push(links: Flat, heads: Flat, node: int, f: int) -> None:
     heads[bucket] = node
 
 
-@njit(cache=True)  # type: ignore[untyped-decorator]
+@compiled
 def _pop(links: Flat, heads: Flat, f: int) -> None:
     bucket = np.uint64(f & (len(heads) - 1))
     heads[bucket] = links[np.uint64(heads[bucket]), _NEXT]
     links[np.uint64(heads[bucket]), _PREVIOUS] = 0
 
 
-@njit(cache=True)  # type: ignore[untyped-decorator]
-def _remove(links: Flat, heads: Flat, node: int, f: int) -> None:
+@compiled
+def _remove(links: Flat, heads: Flat, node: Whole, f: Whole) -> None:
     after, before = links[np.uint64(node), _NEXT], links[np.uint64(node), _PREVIOUS]
     if before == 0:
         heads[np.uint64(f & (len(heads) - 1))] = after
@@ -163,7 +165,7 @@ def _remove(links: Flat, heads: Flat, node: int, f: int) -> None:
     links[np.uint64(after), _PREVIOUS] = before
 
 
-@njit(cache=True)  # type: ignore[untyped-decorator]
+@compiled
 def _power_of_two_above(value: int) -> int:
     power = 1
     while power <= value:
@@ -171,7 +173,7 @@ def _power_of_two_above(value: int) -> int:
     return power
 
 
-@njit(cache=True)  # type: ignore[untyped-decorator]
+@compiled
 def _backtracked(g: Flat, costs: Flat, width: int, start: int, goal: int) -> NDArray[np.int64]:
     """Nodes from start to goal, found backwards: which neighbour did each cost come from."""
     nodes = [goal]
@@ -180,7 +182,7 @@ def _backtracked(g: Flat, costs: Flat, width: int, start: int, goal: int) -> NDA
     return np.array(nodes[::-1])
 
 
-@njit(cache=True)  # type: ignore[untyped-decorator]
+@compiled
 def _origin(g: Flat, costs: Flat, width: int, node: int) -> int:
     for dr, dc in _MOVES:
         other = node + dr * width + dc

@@ -3,9 +3,9 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from vnav.compiled import compiled
 from vnav.config import PlanConfig
 from vnav.core.arrays import Array
 from vnav.core.grid import OCCUPIED, UNKNOWN, Grid
@@ -61,7 +61,7 @@ def _distances(occupied: NDArray[np.bool_]) -> Array:
     return np.asarray(np.sqrt(_squared_distances(occupied)))
 
 
-@njit(cache=True)  # type: ignore[untyped-decorator]
+@compiled
 def _squared_distances(occupied: NDArray[np.bool_]) -> Array:
     """First along each column, then along each row."""
     rows, columns = occupied.shape
@@ -79,7 +79,7 @@ def _squared_distances(occupied: NDArray[np.bool_]) -> Array:
     return squared
 
 
-@njit(cache=True)  # type: ignore[untyped-decorator]
+@compiled
 def _lower_envelope(
     heights: Array, lowest: NDArray[np.int64], begins: Array, result: Array
 ) -> None:
@@ -110,7 +110,7 @@ def _lower_envelope(
         result[x] = heights[lowest[k]] + away * away
 
 
-@njit(cache=True)  # type: ignore[untyped-decorator]
+@compiled
 def _regions(passable: NDArray[np.bool_]) -> NDArray[np.int32]:
     """Numbers from 1 for cells joined by their sides, as moves that cut no corner join them."""
     rows, columns = passable.shape

@@ -1,9 +1,9 @@
 """A route over cells made a path that a robot can follow."""
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from vnav.compiled import compiled
 from vnav.core.arrays import Array
 from vnav.planning.astar import UNIT
 
@@ -36,7 +36,7 @@ def smooth(points: Array, costs: Costs) -> Array:
     return path
 
 
-@njit(cache=True)  # type: ignore[untyped-decorator]
+@compiled
 def segment_cost(costs: Costs, a: Array, b: Array) -> float:
     """What the straight way between points (2,) costs, infinite where it touches a blocked cell.
 
@@ -68,7 +68,7 @@ def segment_cost(costs: Costs, a: Array, b: Array) -> float:
         at = reached
 
 
-@njit(cache=True)  # type: ignore[untyped-decorator]
+@compiled
 def _chain(points: Array, costs: Costs) -> NDArray[np.int64]:
     """Which points to go straight between so that the whole costs least; of equals, the fewest."""
     n = len(points)

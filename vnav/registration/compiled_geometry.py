@@ -1,14 +1,14 @@
 """Rigid motions and projection as compiled loops call them, one point at a time."""
 
 import numpy as np
-from numba import njit
 
+from vnav.compiled import compiled
 from vnav.core.arrays import Array
 
 MIN_Z_M = 0.05  # nothing is seen nearer than this
 
 
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@compiled
 def inverse(T: Array) -> Array:
     """See `vnav.core.se3.inverse`."""
     result = np.eye(4)
@@ -17,7 +17,7 @@ def inverse(T: Array) -> Array:
     return result
 
 
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@compiled
 def transform(p: Array, T: Array, point: Array) -> None:
     """Move a point (3,) by T into p, in place."""
     for k in range(3):
@@ -26,7 +26,7 @@ def transform(p: Array, T: Array, point: Array) -> None:
             p[k] += T[k, n] * point[n]
 
 
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@compiled
 def exp(xi: Array) -> Array:
     """See `vnav.core.se3.exp`."""
     x, y, z = xi[:3]
@@ -42,7 +42,7 @@ def exp(xi: Array) -> Array:
     return T
 
 
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@compiled
 def jacobian(
     J: Array, T_a_b: Array, point_b: Array, p: Array, camera: Array, forward: bool
 ) -> None:

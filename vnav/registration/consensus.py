@@ -5,16 +5,16 @@ threads that find features.
 """
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from vnav.compiled import compiled
 from vnav.core.arrays import Array
 from vnav.registration.compiled_geometry import MIN_Z_M, inverse
 
 MIN_TRIALS = 16  # however many agree with the first: three noisy points make a rough motion
 
 
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@compiled
 def best_motion(
     samples: NDArray[np.intp],
     points_a: Array,
@@ -40,7 +40,7 @@ def best_motion(
     return T_a_b
 
 
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@compiled
 def _aligned(points_a: Array, points_b: Array) -> Array:
     """``T_a_b`` between three matched points; see `vnav.core.se3.align`."""
     mean_a, mean_b = np.zeros(3), np.zeros(3)
@@ -56,7 +56,7 @@ def _aligned(points_a: Array, points_b: Array) -> Array:
     return T
 
 
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@compiled
 def _cost(
     T: Array,
     points_a: Array,

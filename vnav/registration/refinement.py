@@ -1,9 +1,9 @@
 """Non-linear refinement of the motion between two frames; compiled: claim 3, S5."""
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from vnav.compiled import compiled
 from vnav.core.arrays import Array
 from vnav.registration.compiled_geometry import MIN_Z_M, exp, inverse, jacobian, transform
 
@@ -12,7 +12,7 @@ ITERATIONS = 12
 CONVERGED = 1e-5  # rad and m: a tenth of what the best pair of frames can tell
 
 
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@compiled
 def gauss_newton(
     T_a_b: Array,
     source: Array,
@@ -38,7 +38,7 @@ def gauss_newton(
     return T, H, squared
 
 
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@compiled
 def _normal_equations(
     T_a_b: Array,
     source: Array,
@@ -79,7 +79,7 @@ def _normal_equations(
     return H, g, squared
 
 
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@compiled
 def _covariance(
     S: Array, T: Array, point: Array, p: Array, here: Array, there: Array, variances: Array
 ) -> None:
@@ -105,7 +105,7 @@ def _covariance(
                 S[i, j] += A[i, n] * variances[n] * A[j, n]
 
 
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@compiled
 def _whiten(S: Array, e: Array, J: Array, size: int) -> None:
     """Divide e and J by the Cholesky factor of the leading part of S, in place."""
     for k in range(size):

@@ -7,8 +7,8 @@ SLAM for RGB-D cameras".
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 
+from vnav.compiled import compiled
 from vnav.core.arrays import Array
 from vnav.core.camera import Intrinsics
 from vnav.core.robust import robust_sigma
@@ -85,7 +85,7 @@ class ResidualTerm:
         return sums
 
 
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@compiled
 def _weighted_sums(
     T_a_b: Array, points: Array, expected: Array, image_b: Array, camera: Array, sigma: float
 ) -> tuple[Array, Array, Array, Array]:

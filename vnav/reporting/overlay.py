@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from vnav.core.voxels import Voxels
 from vnav.errors import VnavError
-from vnav.io.photos.photos import read_photo
+from vnav.io.photos.photo_files import read_photo
 from vnav.localisation.database import LandmarkDatabase
 from vnav.localisation.verdict.answer import PhotoAnswer, summary
 from vnav.localisation.verification.prediction import predict

@@ -20,7 +20,7 @@ from vnav.core.camera import Intrinsics, PhotoCamera
 from vnav.core.progress import Progress, silent
 from vnav.errors import PhotoError
 from vnav.features import FrontEnd, front_end
-from vnav.io.photos.photos import PhotoCameraSource, photo_camera, read_photo
+from vnav.io.photos.photo_files import PhotoCameraSource, photo_camera, read_photo
 from vnav.io.store.artifacts import map_camera
 from vnav.io.store.index_file import load_index
 from vnav.io.store.map_folder import MapFolder

@@ -18,8 +18,8 @@ from vnav.io.store.artifacts import load_odometry, map_cameras, save_loops
 from vnav.io.store.map_folder import MapFolder
 from vnav.io.store.stage_reports import clock, finished, reused, settings_of
 from vnav.io.store.tree_file import load_tree
-from vnav.loop_closing.candidates import by_appearance, by_proximity, view_overlap
-from vnav.loop_closing.verification import Closures, LoopVerifier
+from vnav.loop_closing.loop_candidates import by_appearance, by_proximity, view_overlap
+from vnav.loop_closing.loop_verification import Closures, LoopVerifier
 from vnav.optimisation import pose_graph
 from vnav.optimisation.segments import align_segments
 from vnav.threads import one_blas_thread

@@ -9,9 +9,9 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from vnav.compiled import compiled
 from vnav.core import se3
 from vnav.core.camera import Intrinsics
 
@@ -117,7 +117,7 @@ def _bounding_boxes(M: NDArray[np.float64], intrinsics: Intrinsics) -> NDArray[n
     return np.asarray(np.clip(box, 0, 2 * intrinsics.size), np.int64)
 
 
-@njit(nogil=True, cache=True)  # type: ignore[untyped-decorator]
+@compiled
 def _nearest(
     H: NDArray[np.float64], boxes: NDArray[np.int64], height: int, width: int
 ) -> tuple[NDArray[np.int32], NDArray[np.float64]]:
@@ -141,7 +141,7 @@ def _nearest(
     return nearest, inverse_depth
 
 
-@njit(nogil=True, cache=True)  # type: ignore[untyped-decorator]
+@compiled
 def _shade(
     nearest: NDArray[np.int32],
     H: NDArray[np.float64],
@@ -184,7 +184,7 @@ def _shade(
     return color
 
 
-@njit(nogil=True, cache=True)  # type: ignore[untyped-decorator]
+@compiled
 def _sample(
     texels: NDArray[np.uint8], start: int, width: int, height: int, a: float, b: float
 ) -> tuple[float, float, float]:

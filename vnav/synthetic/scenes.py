@@ -4,7 +4,6 @@ from collections.abc import Callable
 
 import numpy as np
 
-from vnav.synthetic.building import building
 from vnav.synthetic.furniture import (
     EDGE,
     HEIGHT_M,
@@ -20,6 +19,7 @@ from vnav.synthetic.furniture import (
     table,
     wall,
 )
+from vnav.synthetic.many_rooms import building
 from vnav.synthetic.repeating import shop, twin_rooms
 from vnav.synthetic.scene import Scene, closed_tour, placed
 

@@ -7,7 +7,7 @@ import pytest
 
 from vnav.errors import PhotoError
 from vnav.io.photos.heic import is_heic
-from vnav.io.photos.photos import read_photo
+from vnav.io.photos.photo_files import read_photo
 
 HEAD = b"\0\0\0\x18ftypheic\0\0\0\0mif1heic"
 

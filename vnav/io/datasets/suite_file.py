@@ -16,7 +16,7 @@ from typing import Any, TypeVar, get_type_hints
 from vnav import config
 from vnav.config import Config, preset_cameras
 from vnav.errors import CaptureError, ConfigError
-from vnav.io.datasets.datasets import datasets_folder
+from vnav.io.datasets.fetched import datasets_folder
 from vnav.io.formats.camera_file import preset_path
 
 NAME = re.compile(r"\w[\w.+-]*(/\w[\w.+-]*)*")  # a folder can be called by it

@@ -1,8 +1,9 @@
 """The compiled loops of depth registration; imported only where depth is not registered."""
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
+
+from vnav.compiled import compiled
 
 Image = NDArray[np.float32]
 Corner = tuple[float, float, float]  # column, row, inverse depth
@@ -14,7 +15,7 @@ _SLANT, _NOISE_PER_M = 0.01, 0.006
 _ON_EDGE = 1e-4  # share of a triangle: a pixel centre on a common edge belongs to both
 
 
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@compiled
 def place(depth_m: Image, rays: Image, offset: Image, uvi: Image, inverse_depth: Image) -> None:
     """Put every depth pixel where it lies in the colour image.
 
@@ -39,7 +40,7 @@ def place(depth_m: Image, rays: Image, offset: Image, uvi: Image, inverse_depth:
                 inverse_depth[y, x] = min(inverse_depth[y, x], -i)
 
 
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@compiled
 def draw(uvi: Image, inverse_depth: Image) -> None:
     """Draw the surface between neighbouring depth pixels, the nearest where several overlap.
 
@@ -55,18 +56,18 @@ def draw(uvi: Image, inverse_depth: Image) -> None:
                 _draw_square(a if upper else b, b, d, e if lower else d, inverse_depth)
 
 
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@compiled
 def _corner(uvi: Image, r: int, c: int) -> Corner:
     return uvi[r, c, 0], uvi[r, c, 1], uvi[r, c, 2]
 
 
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@compiled
 def _joined(i: float, j: float, k: float) -> bool:
     low, high = min(i, min(j, k)), max(i, max(j, k))
     return low > 0 and high - low < _SLANT * high + _NOISE_PER_M
 
 
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@compiled
 def _draw_square(a: Corner, b: Corner, d: Corner, e: Corner, inverse_depth: Image) -> None:
     height, width = inverse_depth.shape
     left = max(0, int(np.ceil(min(min(a[0], b[0]), min(d[0], e[0])))))
@@ -80,7 +81,7 @@ def _draw_square(a: Corner, b: Corner, d: Corner, e: Corner, inverse_depth: Imag
                 inverse_depth[y, x] = i
 
 
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@compiled
 def _at(p: Corner, q: Corner, s: Corner, x: int, y: int) -> float:
     """Inverse depth of a triangle at a pixel; 0 outside, seen from behind or without area."""
     qu, qv, su, sv = q[0] - p[0], q[1] - p[1], s[0] - p[0], s[1] - p[1]

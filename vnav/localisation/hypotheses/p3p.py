@@ -5,8 +5,8 @@ Source: Persson, Nordberg, "Lambda Twist: an accurate fast robust perspective th
 """
 
 import numpy as np
-from numba import njit
 
+from vnav.compiled import compiled
 from vnav.core.arrays import Array
 
 Pair = tuple[float, float]
@@ -16,7 +16,7 @@ Six = tuple[float, float, float, float, float, float]  # a symmetric matrix: 00 
 POLISHING = 2  # Gauss-Newton steps on the depths
 
 
-@njit(cache=True, nogil=True, error_model="numpy")  # type: ignore[untyped-decorator]
+@compiled
 def p3p(rays: Array, points_world: Array) -> Array:
     """All poses ``T_camera_world`` (H, 3, 4) that send three points onto their rays.
 
@@ -39,7 +39,7 @@ def p3p(rays: Array, points_world: Array) -> Array:
     return poses[:count]
 
 
-@njit(cache=True, nogil=True, error_model="numpy")  # type: ignore[untyped-decorator]
+@compiled
 def _squared_sides(p: Array) -> Three:
     """Squared distances of three points (3, 3)."""
     a12 = (p[0, 0] - p[1, 0]) ** 2 + (p[0, 1] - p[1, 1]) ** 2 + (p[0, 2] - p[1, 2]) ** 2
@@ -48,13 +48,13 @@ def _squared_sides(p: Array) -> Three:
     return a12, a13, a23
 
 
-@njit(cache=True, nogil=True, error_model="numpy")  # type: ignore[untyped-decorator]
+@compiled
 def _cosines(rays: Array) -> Three:
     """Of the angles between three rays (3, 3)."""
     return _dot(rays[0], rays[1]), _dot(rays[0], rays[2]), _dot(rays[1], rays[2])
 
 
-@njit(cache=True, nogil=True, error_model="numpy")  # type: ignore[untyped-decorator]
+@compiled
 def _planes(a: Three, b: Three) -> tuple[Pair, Pair]:
     """Two planes of depths ``depth_1 = w0 depth_2 + w1 depth_3``, as w0, w1.
 
@@ -75,7 +75,7 @@ def _planes(a: Three, b: Three) -> tuple[Pair, Pair]:
     return ((r2 - d01) / d00, (r3 - d02) / d00), ((-r2 - d01) / d00, (-r3 - d02) / d00)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")  # type: ignore[untyped-decorator]
+@compiled
 def _degenerate_member(D1: Six, D2: Six) -> float:
     """A real root g of ``det(D1 + g D2)``."""
     adjugate1, adjugate2 = _adjugate(D1), _adjugate(D2)
@@ -84,7 +84,7 @@ def _degenerate_member(D1: Six, D2: Six) -> float:
     return float(_real_root(c2 / c3, c1 / c3, c0 / c3))
 
 
-@njit(cache=True, nogil=True, error_model="numpy")  # type: ignore[untyped-decorator]
+@compiled
 def _adjugate(D: Six) -> Six:
     """Adjugate of a symmetric matrix: its inverse times its determinant."""
     d00, d01, d02, d11, d12, d22 = D
@@ -92,14 +92,14 @@ def _adjugate(D: Six) -> Six:
     return a00, a01, a02, d00 * d22 - d02 * d02, d01 * d02 - d00 * d12, d00 * d11 - d01 * d01
 
 
-@njit(cache=True, nogil=True, error_model="numpy")  # type: ignore[untyped-decorator]
+@compiled
 def _trace(A: Six, B: Six) -> float:
     """Trace of the product of two symmetric matrices."""
     off_diagonal = A[1] * B[1] + A[2] * B[2] + A[4] * B[4]
     return float(A[0] * B[0] + A[3] * B[3] + A[5] * B[5] + 2 * off_diagonal)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")  # type: ignore[untyped-decorator]
+@compiled
 def _real_root(c2: float, c1: float, c0: float) -> float:
     """One real root of ``x^3 + c2 x^2 + c1 x + c0``, by Cardano, then Newton."""
     p, q = c1 - c2**2 / 3, 2 * c2**3 / 27 - c2 * c1 / 3 + c0
@@ -118,7 +118,7 @@ def _real_root(c2: float, c1: float, c0: float) -> float:
     return float(x)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")  # type: ignore[untyped-decorator]
+@compiled
 def _on_plane(plane: Pair, a: Three, b: Three) -> tuple[Three, Three]:
     """Depths on a plane, from the two ratios tau of third to second depth."""
     (w0, w1), (a12, _, a23), (b12, _, b23) = plane, a, b
@@ -136,7 +136,7 @@ def _on_plane(plane: Pair, a: Three, b: Three) -> tuple[Three, Three]:
     )
 
 
-@njit(cache=True, nogil=True, error_model="numpy")  # type: ignore[untyped-decorator]
+@compiled
 def _polished(depths: Three, a: Three, b: Three) -> Three:
     """Depths after Gauss-Newton on the three squared distances."""
     (d1, d2, d3), (a12, a13, a23), (b12, b13, b23) = depths, a, b
@@ -154,7 +154,7 @@ def _polished(depths: Three, a: Three, b: Three) -> Three:
     return d1, d2, d3
 
 
-@njit(cache=True, nogil=True, error_model="numpy")  # type: ignore[untyped-decorator]
+@compiled
 def _scaled(rays: Array, depths: Three, points: Array) -> None:
     """Fill the points (3, 3) that lie on the rays at those depths."""
     for k in range(3):
@@ -162,7 +162,7 @@ def _scaled(rays: Array, depths: Three, points: Array) -> None:
             points[k, n] = depths[k] * rays[k, n]
 
 
-@njit(cache=True, nogil=True, error_model="numpy")  # type: ignore[untyped-decorator]
+@compiled
 def _aligned(
     camera: Array, camera_axes: Array, world: Array, world_axes: Array, pose: Array
 ) -> None:
@@ -176,7 +176,7 @@ def _aligned(
             pose[i, 3] -= pose[i, j] * world[0, j]
 
 
-@njit(cache=True, nogil=True, error_model="numpy")  # type: ignore[untyped-decorator]
+@compiled
 def _basis(points: Array, axes: Array) -> None:
     """Fill the orthonormal axes, as rows, of a triangle (3, 3)."""
     for k in range(3):
@@ -190,13 +190,13 @@ def _basis(points: Array, axes: Array) -> None:
     _cross(axes[2], axes[0], axes[1])
 
 
-@njit(cache=True, nogil=True, error_model="numpy")  # type: ignore[untyped-decorator]
+@compiled
 def _cross(a: Array, b: Array, product: Array) -> None:
     product[0] = a[1] * b[2] - a[2] * b[1]
     product[1] = a[2] * b[0] - a[0] * b[2]
     product[2] = a[0] * b[1] - a[1] * b[0]
 
 
-@njit(cache=True, nogil=True, error_model="numpy")  # type: ignore[untyped-decorator]
+@compiled
 def _dot(a: Array, b: Array) -> float:
     return float(a[0] * b[0] + a[1] * b[1] + a[2] * b[2])

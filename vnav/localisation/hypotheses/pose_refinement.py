@@ -3,9 +3,9 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from vnav.compiled import compiled
 from vnav.core.arrays import Array
 from vnav.localisation.matches import Correspondences2D3D
 from vnav.localisation.view import MIN_DEPTH_M, CameraPrior, View
@@ -80,7 +80,7 @@ def _with_prior(
     return H, g, cost + off**2
 
 
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@compiled
 def _normal_equations(
     T: Array,
     camera: tuple[float, float, float, float],

@@ -8,9 +8,9 @@ import dataclasses
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from vnav.compiled import compiled
 from vnav.core.arrays import Array
 from vnav.core.camera import Intrinsics
 from vnav.localisation.hypotheses.minimal_solvers import (
@@ -129,7 +129,7 @@ def _minimal_sets(count: int, size: int, rng: np.random.Generator) -> NDArray[np
     return np.argpartition(keys, size - 1, 1)[:, :size]
 
 
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@compiled
 def _best(
     poses: Array,
     factors: Array,

@@ -1,9 +1,9 @@
 """What stands before what: landmarks that a view cannot see though they lie in its direction."""
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from vnav.compiled import compiled
 from vnav.core.arrays import Array
 from vnav.core.voxels import Voxels
 from vnav.localisation.view import View
@@ -22,7 +22,7 @@ def occluded(view: View, points_world: NDArray[np.float32], voxels: Voxels) -> N
     return blocked
 
 
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@compiled
 def _blocked(
     start: Array, ways: Array, away: NDArray[np.uint8], edge_m: float
 ) -> NDArray[np.bool_]:
@@ -43,7 +43,7 @@ def _blocked(
     return blocked
 
 
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@compiled
 def _free(first: Array, direction: Array, at: float, away: NDArray[np.uint8]) -> int:
     """How far from there, in voxels, nothing stands: no sample is needed before.
 

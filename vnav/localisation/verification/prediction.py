@@ -3,9 +3,9 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from vnav.compiled import compiled
 from vnav.core.arrays import Array, Rows
 from vnav.core.map_index import MapIndex
 from vnav.localisation.database import LandmarkDatabase
@@ -94,7 +94,7 @@ def _unpacked(view: View) -> tuple[Array, Array, Array]:
     return np.ascontiguousarray(view.T_camera_world), view.T_world_camera[:3, 3].copy(), camera
 
 
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@compiled
 def _are_visible(
     camera: tuple[Array, Array, Array],
     landmarks: NDArray[np.int32],
@@ -116,7 +116,7 @@ def _are_visible(
     return seen
 
 
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@compiled
 def _shared_probes(
     camera: tuple[Array, Array, Array],
     points: NDArray[np.float32],
@@ -136,7 +136,7 @@ def _shared_probes(
     return count
 
 
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@compiled
 def _inside(camera: tuple[Array, Array, Array], point: NDArray[np.float32]) -> bool:
     """Whether a point (3,) projects into the image."""
     T, _, (fx, fy, cx, cy, width, height) = camera
@@ -150,7 +150,7 @@ def _inside(camera: tuple[Array, Array, Array], point: NDArray[np.float32]) -> b
     return bool(x >= 0 and y >= 0 and x < width and y < height)
 
 
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@compiled
 def _similar_viewpoint(point: NDArray[np.float32], centre: Array, T_world_keyframe: Array) -> bool:
     """Whether a keyframe sees a point (3,) from a like direction and distance as our centre."""
     product, our_squared, their_squared = 0.0, 0.0, 0.0

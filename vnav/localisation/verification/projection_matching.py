@@ -7,12 +7,12 @@ Source: Mur-Artal, Montiel, Tardos, "ORB-SLAM: a versatile and accurate monocula
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from vnav.compiled import compiled
+from vnav.compiled.descriptors import squared_distance
 from vnav.core.arrays import Array, Floats, Rows
 from vnav.localisation.database import LandmarkDatabase
-from vnav.localisation.inverted_file import squared_distance
 from vnav.localisation.matches import Matches
 from vnav.localisation.photo import Photo
 from vnav.localisation.verification.prediction import Prediction
@@ -59,7 +59,7 @@ def one_to_one(
     return Matches(found.feature, rows, database.index.owner[rows], found.distance).one_to_one()
 
 
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@compiled
 def _pairs(
     predicted: Array,
     found: Array,
@@ -95,7 +95,7 @@ def _pairs(
     )
 
 
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@compiled
 def _is_near(predicted: Array, found: Array, radius: float) -> bool:
     """Whether a feature (4,) lies near a prediction (4,) in place, octave and angle.
 

@@ -6,7 +6,7 @@ import pytest
 
 from vnav.core.camera import Intrinsics
 from vnav.errors import CameraError, PhotoError
-from vnav.io.photos.photos import EXIF_SIGMA, find_photos, photo_camera, read_photo
+from vnav.io.photos.photo_files import EXIF_SIGMA, find_photos, photo_camera, read_photo
 
 OF_MAP = Intrinsics(640, 480, 500.0, 501.0, 320.0, 240.0)
 CAMERA = "[color]\nwidth = 640\nheight = 480\nfx = 600\nfy = 600\ncx = 319.5\ncy = 239.5\n"
@@ -66,10 +66,9 @@ def test_then_the_camera_beside_the_photo(photo: Path) -> None:
 
 
 def test_then_exif(photo: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    from vnav.io.photos import photos
     from vnav.io.photos.exif import Exif
 
-    monkeypatch.setattr(photos, "read_exif", lambda path: Exif({0xA405: 43.267}))
+    monkeypatch.setattr("vnav.io.photos.photo_files.read_exif", lambda path: Exif({0xA405: 43.267}))
     camera = photo_camera(photo, (640, 480), None, OF_MAP)
     assert camera.intrinsics.fx == pytest.approx(800)
     assert (camera.source, camera.focal_sigma) == ("exif", EXIF_SIGMA)

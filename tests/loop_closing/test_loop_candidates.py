@@ -7,7 +7,7 @@ from vnav.core import se3
 from vnav.core.camera import Intrinsics
 from vnav.core.frame import Features
 from vnav.core.mapping import FrameFeatures, FrameTable, Odometry
-from vnav.loop_closing.candidates import by_proximity, view_overlap
+from vnav.loop_closing.loop_candidates import by_proximity, view_overlap
 
 CAMERA = Intrinsics(640, 480, 525.0, 525.0, 319.5, 239.5)
 CONFIG = LoopsConfig(proximity_overlap=0.5, proximity_candidates=2)

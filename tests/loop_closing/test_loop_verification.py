@@ -6,8 +6,8 @@ import pytest
 from vnav.config import Config
 from vnav.core.camera import Intrinsics
 from vnav.core.mapping import Odometry
-from vnav.loop_closing.candidates import LoopCandidate
-from vnav.loop_closing.verification import Closures, LoopVerifier
+from vnav.loop_closing.loop_candidates import LoopCandidate
+from vnav.loop_closing.loop_verification import Closures, LoopVerifier
 
 CONFIG = Config()
 

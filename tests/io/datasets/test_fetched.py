@@ -10,7 +10,7 @@ import pytest
 from vnav.config import CaptureConfig
 from vnav.errors import DatasetError
 from vnav.io.datasets.catalogue import PublicSequence, catalogue, named
-from vnav.io.datasets.datasets import datasets_folder, fetch, state, verify
+from vnav.io.datasets.fetched import datasets_folder, fetch, state, verify
 from vnav.io.sources.open_capture import open_capture
 
 NAME = "rgbd_dataset_freiburg1_xyz"

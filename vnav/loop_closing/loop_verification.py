@@ -17,7 +17,7 @@ from vnav.core.frame import Edge, PoseEstimate, Rejected
 from vnav.core.mapping import LoopVerdict, Odometry
 from vnav.core.progress import Progress, silent
 from vnav.features.matching import DescriptorMatcher
-from vnav.loop_closing.candidates import LoopCandidate
+from vnav.loop_closing.loop_candidates import LoopCandidate
 from vnav.registration.points3d import PointRegistration
 
 NEIGHBOURS = 3  # keyframes apart: what odometry demands of a match will do, for it joined them
