@@ -53,6 +53,23 @@ def test_the_installed_package_brings_its_presets_and_types(site: Path) -> None:
     assert (site / "vnav" / "py.typed").is_file()
 
 
+def test_a_program_far_from_the_checkout_asks_a_map(
+    site: Path, whole_map: Path, tiny_capture: Path
+) -> None:
+    code = (
+        "import sys, vnav; flat = vnav.open_map(sys.argv[1]); answer = flat.locate(sys.argv[2]);"
+        "path = flat.plan(start=answer, goal=sys.argv[3]);"
+        "print(vnav.__file__, answer.located, path.found is not None, len(flat.landmarks()))"
+    )
+    photos = tiny_capture / "photos"
+    path, located, found, landmarks = _run(
+        site, "-c", code, whole_map, photos / "000.jpg", photos / "001.jpg"
+    ).split()
+    assert Path(path).is_relative_to(site)
+    assert (located, found) == ("True", "True")
+    assert int(landmarks) > 100
+
+
 def test_the_installed_package_brings_its_public_sequences(site: Path) -> None:
     listed = _run(site, site / "bin" / "vnav", "datasets", "list")
     assert "rgbd_dataset_freiburg3_walking_xyz" in listed

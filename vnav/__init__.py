@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from vnav.core.trajectory import Trajectory
     from vnav.io.sources.capture import Capture
     from vnav.io.sources.memory import frames
-    from vnav.localisation.verdict.answer import PhotoAnswer
+    from vnav.localisation.verdict.answer import PhotoAnswer, UnreadablePhoto
     from vnav.stages.plan import PlanAnswer
 
 __version__ = "0.1.0"
@@ -49,6 +49,7 @@ __all__ = [
     "StaleArtifact",
     "Trajectory",
     "TrajectoryError",
+    "UnreadablePhoto",
     "VnavError",
     "build_map",
     "check",
@@ -70,6 +71,7 @@ _PLACES = {
     "PhotoAnswer": "vnav.localisation.verdict.answer:PhotoAnswer",
     "PlanAnswer": "vnav.stages.plan:PlanAnswer",
     "Trajectory": "vnav.core.trajectory:Trajectory",
+    "UnreadablePhoto": "vnav.localisation.verdict.answer:UnreadablePhoto",
     "build_map": "vnav.api.building:build_map",
     "check": "vnav.api.judging:check",
     "evaluate": "vnav.api.judging:evaluate",

@@ -93,6 +93,16 @@ def test_many_photos_are_answered_in_their_order(mapped: vnav.Map, photos: list[
     assert [answer.path for answer in mapped.locate_all(photos)] == photos
 
 
+def test_a_photo_that_cannot_be_read_is_told_and_the_others_are_answered(
+    mapped: vnav.Map, photos: list[Path], tmp_path: Path
+) -> None:
+    (tmp_path / "broken.jpg").write_text("none")
+    broken, answered = mapped.locate_all([tmp_path / "broken.jpg", photos[0]])
+    assert isinstance(broken, vnav.UnreadablePhoto)
+    assert (broken.located, answered.located) == (False, True)
+    assert "broken.jpg" in broken.reason
+
+
 def test_a_path_joins_a_located_photo_a_file_pixels_and_a_point(
     mapped: vnav.Map, photos: list[Path], camera: vnav.Intrinsics
 ) -> None:

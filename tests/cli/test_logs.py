@@ -7,6 +7,7 @@ import click
 import pytest
 from click.testing import CliRunner, Result
 
+import vnav
 from vnav.cli.logs import NOTICES, add_options
 from vnav.cli.options import console_progress, pace
 
@@ -41,6 +42,17 @@ def test_verbose_logs_every_step_with_time_and_module(command: click.Command) ->
     said = run(command, "-v")
     assert "INFO vnav.stages.odometry: 60 of 60 frames tracked" in said.stderr
     assert said.stdout == "the result\n"
+
+
+def test_locating_and_planning_log_what_they_found(
+    whole_map: Path, tiny_capture: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    caplog.set_level(logging.INFO, "vnav")
+    mapped, photo = vnav.open_map(whole_map), tiny_capture / "photos" / "000.jpg"
+    mapped.plan(mapped.locate(photo), (0.0, 1e6))
+    said = {record.name: record.getMessage() for record in caplog.records}
+    assert said["vnav.stages.locate"].startswith(f"{photo}: at ")
+    assert "vnav.stages.plan" in said
 
 
 def test_quiet_leaves_results_only(command: click.Command) -> None:

@@ -19,7 +19,7 @@ from vnav.io.sources.open_capture import open_capture
 
 AnyPath = str | PathLike[str]
 ConfigSource = Config | AnyPath | None  # None: the defaults
-PhotoSource = AnyPath | NDArray[np.uint8]
+PhotoSource = AnyPath | NDArray[Any]  # pixels are checked when they are taken
 CameraSource = Camera | Intrinsics | AnyPath | None
 CaptureSource = Capture | AnyPath
 TrajectorySource = Trajectory | AnyPath
@@ -54,7 +54,7 @@ def photo_of(source: PhotoSource) -> Path | NDArray[np.uint8]:
     """A photo's file, or its pixels; PhotoError where they are no RGB image."""
     if isinstance(source, str | PathLike):
         return Path(source)
-    image: NDArray[Any] = np.asarray(source)
+    image = np.asarray(source)
     if image.dtype != np.uint8 or image.ndim != 3 or image.shape[2] != 3 or not image.size:
         raise PhotoError(
             f"expected a photo of shape (H, W, 3) and type uint8, RGB, found {image.shape} and"

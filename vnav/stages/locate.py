@@ -1,6 +1,7 @@
 """Where photos were taken, asked of a finished map: claim 4."""
 
 import dataclasses
+import logging
 import os
 import time
 from collections.abc import Iterable, Iterator
@@ -30,10 +31,12 @@ from vnav.localisation.inverted_file import load_compiled
 from vnav.localisation.localise import localise
 from vnav.localisation.photo import prepare
 from vnav.localisation.query import Query
-from vnav.localisation.verdict.answer import IMAGE, PhotoAnswer, UnreadablePhoto
+from vnav.localisation.verdict.answer import IMAGE, PhotoAnswer, UnreadablePhoto, summary
 from vnav.localisation.verdict.decision import Located, NotLocated
 from vnav.localisation.verdict.uncertainty import focal_length_check
 from vnav.threads import one_blas_thread
+
+log = logging.getLogger(__name__)
 
 DOUBTFUL = 0.03  # relative error of an assumed focal length that is told, if it is significant
 SIGNIFICANT = 3.0  # standard deviations
@@ -87,7 +90,9 @@ class Locator:
         clock.append(time.monotonic())
         spent = np.round(np.diff(clock), 4).tolist()
         seconds = dict(zip(("read", "features", "search_and_pose"), spent, strict=True))
-        return _answer(path or IMAGE, image, camera, query, result, seconds)
+        answer = _answer(path or IMAGE, image, camera, query, result, seconds)
+        log.info(summary(answer))
+        return answer
 
     @cached_property
     def _front_end(self) -> FrontEnd:

@@ -1,5 +1,6 @@
 """A path from one place in a map to another: claims 1 and 5."""
 
+import logging
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -19,6 +20,8 @@ from vnav.io.store.artifacts import load_optimised
 from vnav.io.store.map_folder import MapFolder
 from vnav.planning.planner import Plan, heading_rad, plan_path
 from vnav.planning.snapping import Point, SnappedPoint
+
+log = logging.getLogger(__name__)
 
 CURRENT = "current"
 Pose = Array | Rejected  # T_world_camera of a photo, or why it is not known
@@ -97,6 +100,7 @@ def plan(
     clock.append(time.monotonic())
     spent = np.round(np.diff(clock), 3).tolist()
     seconds = dict(zip(("load", "locate", "plan"), spent, strict=True))
+    log.info(found.reason if isinstance(found, Rejected) else f"a path of {found.length_m:.2f} m")
     return PlanAnswer(found, places, grid, uncertainty_m, config, seconds)
 
 

@@ -101,6 +101,11 @@ class UnreadablePhoto:
     path: Path
     reason: str
 
+    @property
+    def located(self) -> bool:
+        """Never."""
+        return False
+
     def as_dict(self) -> dict[str, Any]:
         """Plain values for JSON."""
         return {"photo": str(self.path), "located": False, "reason": self.reason}
