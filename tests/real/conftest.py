@@ -82,6 +82,12 @@ def redkitchen(captures: Path, vnav: Vnav, tmp_path_factory: pytest.TempPathFact
 
 
 @pytest.fixture(scope="session")
+def desk(captures: Path, vnav: Vnav, tmp_path_factory: pytest.TempPathFactory) -> Built:
+    """The map of the desk."""
+    return _built(captures / "fr1_desk", tmp_path_factory.mktemp("maps") / "desk", vnav)
+
+
+@pytest.fixture(scope="session")
 def part_of(
     captures: Path, tmp_path_factory: pytest.TempPathFactory
 ) -> Callable[[str, int, int | None], Path]:

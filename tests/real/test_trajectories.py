@@ -9,7 +9,9 @@ pytestmark = pytest.mark.real
 
 
 @pytest.mark.parametrize(
-    ("name", "limit_m"), [("house", 0.015), ("redkitchen", 0.055)], ids=["house", "redkitchen"]
+    ("name", "limit_m"),
+    [("house", 0.015), ("redkitchen", 0.055), ("desk", 0.023)],  # others reach 0.016 to 0.029
+    ids=["house", "redkitchen", "desk"],
 )
 def test_every_frame_is_tracked_and_the_trajectory_is_true(
     name: str,
@@ -20,7 +22,8 @@ def test_every_frame_is_tracked_and_the_trajectory_is_true(
 ) -> None:
     built = request.getfixturevalue(name)
     trajectory = built.map / "optimise" / "trajectory_0.tum"
-    frames = len((built.capture / "rgb.txt").read_text().splitlines()) - 1
+    listed = (built.capture / "rgb.txt").read_text().splitlines()
+    frames = len([line for line in listed if not line.startswith("#")])
     posed = len([x for x in trajectory.read_text().splitlines() if not x.startswith("#")])
     scored = vnav("score", trajectory, built.capture / "groundtruth.txt", "--json")
     score = json.loads(scored.stdout)
