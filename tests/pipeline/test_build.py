@@ -47,6 +47,17 @@ def test_a_stage_that_is_gone_is_done_again_and_with_the_same_result_no_other(
     assert redone(folder, capture) == ["loops"]
 
 
+def test_a_run_that_finds_all_done_keeps_the_report_of_the_one_that_made_the_map(
+    folder: MapFolder, capture: Capture
+) -> None:
+    """Its memory and seconds are those of the map, not of looking at it."""
+    made = folder.report("map") | {"seconds": 123.0}
+    folder.write_report("map", made)
+    whole = build_map(folder, capture, CONFIG)[-1]
+    assert whole.reused
+    assert folder.report("map") == made
+
+
 def test_the_summary_tells_size_and_memory(folder: MapFolder, capture: Capture) -> None:
     whole = build_map(folder, capture, CONFIG)[-1]
     size = sum(path.stat().st_size for path in folder.root.rglob("*") if path.is_file())

@@ -13,7 +13,7 @@ from vnav.core.trajectory import Trajectory
 from vnav.errors import MapError
 from vnav.io.sources.capture import Capture
 from vnav.io.store.map_folder import STAGES, MapFolder
-from vnav.io.store.stage_reports import clock, finished, peak_memory_mb
+from vnav.io.store.stage_reports import clock, finished, peak_memory_mb, reused
 
 
 @dataclass(frozen=True)
@@ -60,6 +60,8 @@ def build_map(
 
     tracked = odometry.run(folder, capture, config, given=given, progress=progress)
     reports = [tracked, *run_stages(folder, STAGES[1:], config, progress)]
+    if folder.report("map") and all(report.reused for report in reports):
+        return [*reports, reused(folder, "map")]
     return [*reports, finished(folder, whole(folder), started)]
 
 
