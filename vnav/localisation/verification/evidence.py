@@ -10,8 +10,8 @@ shelves), perhaps half of them do; in a map that does not hold the place, hardly
 pose is the best of many tries. How many is told by three distributions of the share of cells, which
 is integrated out, too: cells of one photo stand and fall together.
 
-The constants are fitted on synthetic scenes; benchmarks/calibrate_confidence.py checks them, and
-fits them anew.
+Most constants are fitted on synthetic scenes; docs/evidence.md names the four set by hand, and
+benchmarks/calibrate_confidence.py checks all of them, and fits them anew.
 """
 
 from collections.abc import Sequence
