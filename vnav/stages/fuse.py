@@ -13,7 +13,7 @@ from vnav.core.report import Report
 from vnav.errors import MapError
 from vnav.io.formats.grid_files import write_grid
 from vnav.io.formats.ply import write_cloud, write_mesh
-from vnav.io.store.artifacts import load_keyframe, load_odometry, load_optimised, map_camera
+from vnav.io.store.artifacts import load_keyframe, load_odometry, load_optimised
 from vnav.io.store.map_folder import MapFolder
 from vnav.io.store.stage_reports import clock, finished, reused, settings_of
 from vnav.planning.projection import project
@@ -67,7 +67,7 @@ class PosedFrames:
     def __iter__(self) -> Iterator[PosedFrame]:
         for row in self._rows:
             frame = load_keyframe(self._folder, row, self._frames)
-            yield PosedFrame(frame, map_camera(self._folder, frame.capture), self._poses[row])
+            yield PosedFrame(frame, self._poses[row])
 
 
 def _leaves(octree: Octree, config: FuseConfig) -> Leaves:

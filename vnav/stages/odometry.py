@@ -12,7 +12,6 @@ import numpy as np
 
 from vnav.checking.capture_report import require_depth
 from vnav.config import Config
-from vnav.core.camera import Intrinsics
 from vnav.core.frame import Frame
 from vnav.core.mapping import LOST, FrameFeatures, FrameTable, Odometry
 from vnav.core.progress import Progress, silent
@@ -84,7 +83,7 @@ def track(
             progress("odometry", row, len(frames))
             if isinstance(seen, str):
                 builder.skip(row, seen)
-            elif builder.add(seen.features, seen.frame, seen.camera):
+            elif builder.add(seen.features, seen.frame, seen.frame.intrinsics):
                 written.append(pool.submit(save_keyframe, draft, row, seen.frame))
         for keyframe in written:
             keyframe.result()
@@ -94,11 +93,10 @@ def track(
 
 @dataclasses.dataclass(frozen=True)
 class _Seen:
-    """A frame, its features, and the camera that took it."""
+    """A frame and its features."""
 
     features: FrameFeatures
     frame: Frame
-    camera: Intrinsics
 
 
 def _described_frames(
@@ -117,7 +115,7 @@ def _described_frames(
         features = extract(frame.color)
         near = np.where(frame.depth_m <= farthest, frame.depth_m, np.float32(0))
         points = lift(features.keypoints_px, near, camera, config.registration)
-        return _Seen(FrameFeatures(row, features, points), frame, camera)
+        return _Seen(FrameFeatures(row, features, points), frame)
 
     with one_opencv_thread:
         ahead: deque[Future[_Seen | str]] = deque()

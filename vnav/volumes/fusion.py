@@ -8,7 +8,6 @@ from numpy.typing import NDArray
 
 from vnav.config import FuseConfig
 from vnav.core import se3
-from vnav.core.camera import Intrinsics
 from vnav.core.frame import Frame
 from vnav.core.point_cloud import Mesh, PointCloud
 from vnav.core.progress import Progress, silent
@@ -18,10 +17,9 @@ from vnav.volumes.octree import Octree
 
 @dataclass(frozen=True)
 class PosedFrame:
-    """A keyframe, its camera, and the pose of that."""
+    """A keyframe and the pose of its camera."""
 
     frame: Frame
-    camera: Intrinsics
     T_world_camera: NDArray[np.float64]
 
 
@@ -48,15 +46,15 @@ def fuse(
     for done, view in enumerate(views, 1):
         depth_m = filter_depth(view.frame.depth_m, config)
         v, u = np.nonzero(depth_m)
-        points_camera = view.camera.unproject(np.stack([u, v], -1), depth_m[v, u])
+        points_camera = view.frame.intrinsics.unproject(np.stack([u, v], -1), depth_m[v, u])
         points_world = se3.transform(view.T_world_camera, points_camera)
         sensor_world = view.T_world_camera[:3, 3]
 
-        stride = max(1, int(config.voxel_m * view.camera.fx / config.max_range_m))
+        stride = max(1, int(config.voxel_m * view.frame.intrinsics.fx / config.max_range_m))
         sampled = (u % stride == 0) & (v % stride == 0)  # still a point a voxel at the far end
         cloud.add(points_world[sampled], view.frame.color[v[sampled], u[sampled]])
         octree.insert(points_world[first_in_voxel(points_world, config.octree_m)], sensor_world)
-        volume.integrate(depth_m, view.frame.color, view.camera, view.T_world_camera)
+        volume.integrate(depth_m, view.frame.color, view.frame.intrinsics, view.T_world_camera)
         progress("fuse", done, count)
     octree.settle()
     return FusedVolumes(cloud.cloud(), octree, volume.mesh())
