@@ -12,30 +12,10 @@ from vnav.core.graph import chain
 from vnav.core.mapping import LOST
 from vnav.optimisation import pose_graph
 from vnav.optimisation.segments import align_segments
+from vnav.synthetic.circle import INFORMATION, LAP, SIGMAS, edge, steps, walk
 
-SIGMAS = np.array([0.002, 0.002, 0.002, 0.005, 0.005, 0.005])  # rad, m: of a good registration
-INFORMATION = np.diag(SIGMAS**-2)
 MAX_SIGMAS = 4.0
-LAP = 40  # frames in a circle
 ONE = np.zeros(3 * LAP, np.int32)  # capture of every frame
-
-
-def walk(count: int) -> np.ndarray:
-    """Poses (N, 4, 4) on a circle of 2 m, looking along it; every LAP frames one comes back."""
-    angle = 2 * np.pi * np.arange(count) / LAP
-    position = np.stack([2 * np.cos(angle), 2 * np.sin(angle), 0 * angle], 1)
-    T = se3.make(se3.exp_so3(np.outer(angle, [0, 0, 1])), position)
-    return se3.inverse(T[0]) @ T
-
-
-def edge(T: np.ndarray, i: int, j: int, rng: np.random.Generator) -> Edge:
-    """What registration would measure between frames i and j."""
-    noise = se3.exp(SIGMAS * rng.standard_normal(6))
-    return Edge(i, j, se3.inverse(T[i]) @ T[j] @ noise, INFORMATION)
-
-
-def steps(T: np.ndarray, rng: np.random.Generator) -> list[Edge]:
-    return [edge(T, k, k + 1, rng) for k in range(len(T) - 1)]
 
 
 def laps(T: np.ndarray, rng: np.random.Generator) -> list[Edge]:
