@@ -1,6 +1,6 @@
 """Frames, their features, and the edges between them."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -89,12 +89,14 @@ class Edge:
     """A measured transformation between frames i and j (rows of the map's frame table).
 
     ``information`` (6, 6) is the inverse covariance of the tangent at ``T_i_j``, rotation first.
+    ``probability``: that it is the camera's motion, and not that of what repeats or moves.
     """
 
     i: int
     j: int
     T_i_j: NDArray[np.float64]
     information: NDArray[np.float64]
+    probability: float = 1.0
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "T_i_j", frozen(self.T_i_j, np.float64, (4, 4)))
@@ -104,7 +106,7 @@ class Edge:
         """The edge with its covariance grown by the squares of the sigmas."""
         added = np.repeat([sigma_rad**2, sigma_m**2], 3)
         covariance = np.linalg.inv(self.information) + np.diag(added)
-        return Edge(self.i, self.j, self.T_i_j, np.linalg.inv(covariance))
+        return replace(self, information=np.linalg.inv(covariance))
 
 
 @dataclass(frozen=True)

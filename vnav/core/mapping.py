@@ -100,7 +100,8 @@ class Odometry:
     from outside and stay as they are, in the world that they were given in; ``T_world_before``
     (N, 4, 4): of a map that was extended, the poses it had before, whose world it keeps, NaN where
     there was none; ``degenerate_edges``: by all pixels, of frames that neither features
-    nor these hold in every direction; they make no segments, and join no parts.
+    nor these hold in every direction; they make no segments, and join no parts; ``alternatives``:
+    other motions between the ends of ``edges``, which the images bear out about as well.
     """
 
     frames: FrameTable
@@ -112,6 +113,7 @@ class Odometry:
     given: bool = False
     T_world_before: NDArray[np.float64] | None = None
     degenerate_edges: tuple[Edge, ...] = ()
+    alternatives: tuple[Edge, ...] = ()
 
     @property
     def keyframe_rows(self) -> NDArray[np.intp]:

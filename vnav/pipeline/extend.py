@@ -157,8 +157,9 @@ def append(old: Odometry, new: Odometry, T_world_camera: Array) -> Odometry:
         T_world_before=np.concatenate([T_world_camera, nowhere]),
         degenerate_edges=old.degenerate_edges
         + tuple(_shifted(edge, rows) for edge in new.degenerate_edges),
+        alternatives=old.alternatives + tuple(_shifted(edge, rows) for edge in new.alternatives),
     )
 
 
 def _shifted(edge: Edge, rows: int) -> Edge:
-    return Edge(edge.i + rows, edge.j + rows, edge.T_i_j, edge.information)
+    return dataclasses.replace(edge, i=edge.i + rows, j=edge.j + rows)

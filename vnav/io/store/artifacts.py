@@ -55,6 +55,7 @@ def save_odometry(draft: Path, odometry: Odometry) -> None:
     write_text(draft / "lost.json", to_json({r: t for r, t in enumerate(odometry.reasons) if t}))
     save_arrays(draft / "edges.npz", **edges_to_arrays(odometry.edges))
     save_arrays(draft / "degenerate_edges.npz", **edges_to_arrays(odometry.degenerate_edges))
+    save_arrays(draft / "alternatives.npz", **edges_to_arrays(odometry.alternatives))
     save_arrays(draft / "keyframes.npz", **_keyframes_to_arrays(odometry.keyframes))
 
 
@@ -73,6 +74,7 @@ def load_odometry(folder: MapFolder) -> Odometry:
         bool(frames.get("given", False)),
         frames.get("T_world_before"),
         edges_from_arrays(_load(stage / "degenerate_edges.npz")),
+        edges_from_arrays(_load(stage / "alternatives.npz")),
     )
 
 
@@ -184,20 +186,22 @@ def load_optimised(folder: MapFolder) -> OptimisedMap:
 
 
 def edges_to_arrays(edges: Iterable[Edge]) -> Arrays:
-    """Edges as arrays i, j (E,), T_i_j (E, 4, 4), information (E, 6, 6)."""
+    """Edges as arrays i, j, probability (E,), T_i_j (E, 4, 4), information (E, 6, 6)."""
     edges = list(edges)
     return {
         "i": np.array([e.i for e in edges], np.int32),
         "j": np.array([e.j for e in edges], np.int32),
         "T_i_j": np.array([e.T_i_j for e in edges]).reshape(-1, 4, 4),
         "information": np.array([e.information for e in edges]).reshape(-1, 6, 6),
+        "probability": np.array([e.probability for e in edges]),
     }
 
 
 def edges_from_arrays(arrays: Arrays) -> tuple[Edge, ...]:
     """The inverse of `edges_to_arrays`."""
-    columns = (arrays["i"], arrays["j"], arrays["T_i_j"], arrays["information"])
-    return tuple(Edge(int(i), int(j), T, L) for i, j, T, L in zip(*columns, strict=True))
+    names = ("i", "j", "T_i_j", "information", "probability")
+    rows = zip(*(arrays[name] for name in names), strict=True)
+    return tuple(Edge(int(i), int(j), T, L, float(p)) for i, j, T, L, p in rows)
 
 
 def _keyframes_to_arrays(keyframes: Iterable[FrameFeatures]) -> Arrays:

@@ -17,7 +17,7 @@ from typing import Any
 from vnav import __version__
 from vnav.errors import MapError, StaleArtifact
 
-FORMAT = 3
+FORMAT = 4
 STAGES = ("odometry", "vocabulary", "loops", "optimise", "fuse", "index")
 _LEFTOVERS = tuple(f".{stage}.{end}" for stage in STAGES for end in ("draft", "old"))
 _OWN = (*_LEFTOVERS, *STAGES, "reports", "state")

@@ -1,0 +1,70 @@
+"""Frames made small, so that all their pixels can be asked at little cost."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vnav.core.arrays import frozen
+from vnav.core.camera import Intrinsics
+from vnav.core.frame import Frame
+
+BLOCK_PX = 4  # edge of the square of pixels that becomes one
+FILLED = 0.5  # share of a block's pixels that must have depth
+MAX_JUMP = 0.05  # relative spread of inverse depth within a block; more is a depth edge
+GREY_WEIGHTS = 0.299, 0.587, 0.114  # of red, green and blue
+
+
+@dataclass(frozen=True)
+class ReducedFrame:
+    """Brightness and depth in blocks of pixels.
+
+    ``grey`` (H, W) float32: a block's mean; ``inverse_depth`` (H, W) float32 in 1/m: a block's
+    mean, 0 where it has too little depth or a depth edge; ``intrinsics`` of both.
+    """
+
+    stamp_s: float
+    grey: NDArray[np.float32]
+    inverse_depth: NDArray[np.float32]
+    intrinsics: Intrinsics
+
+    def __post_init__(self) -> None:
+        shape = self.intrinsics.height, self.intrinsics.width
+        for name in ("grey", "inverse_depth"):
+            object.__setattr__(self, name, frozen(getattr(self, name), np.float32, shape))
+
+
+def reduced(frame: Frame, block_px: int = BLOCK_PX) -> ReducedFrame:
+    """A frame in blocks of ``block_px`` pixels; what is left over at the right and below is cut."""
+    grey = sum(
+        np.float32(weight) * _blocks(frame.color[..., k], block_px).mean(0)
+        for k, weight in enumerate(GREY_WEIGHTS)
+    )
+    inverse_depth = _inverse_depth(_blocks(frame.depth_m, block_px))
+    camera = _reduced_camera(frame.intrinsics, block_px)
+    return ReducedFrame(frame.stamp_s, np.asarray(grey), inverse_depth, camera)
+
+
+def _reduced_camera(camera: Intrinsics, block_px: int) -> Intrinsics:
+    width, height = camera.width // block_px, camera.height // block_px
+    cx, cy = ((c + 0.5) / block_px - 0.5 for c in (camera.cx, camera.cy))
+    return Intrinsics(width, height, camera.fx / block_px, camera.fy / block_px, cx, cy)
+
+
+def _inverse_depth(depth_m: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Of blocks (P, H, W) of depth: the mean where most have depth of one surface, else 0."""
+    known = depth_m > 0
+    inverse = np.divide(1, depth_m, out=np.zeros_like(depth_m), where=known)
+    mean = inverse.sum(0) / np.maximum(known.sum(0), 1).astype(np.float32)
+    least = np.where(known, inverse, np.float32(np.inf)).min(0)
+    on_one_surface = inverse.max(0) - least <= MAX_JUMP * mean
+    filled = known.mean(0) >= FILLED
+    return np.where(filled & on_one_surface, mean, np.float32(0))
+
+
+def _blocks(image: NDArray[Any], block_px: int) -> NDArray[np.float32]:
+    """The pixels (P, H, W) of every block: the first of each, the second, and so on."""
+    height, width = (n // block_px * block_px for n in image.shape)
+    parts = [image[v:height:block_px, u:width:block_px] for v, u in np.ndindex(block_px, block_px)]
+    return np.stack(parts).astype(np.float32)
