@@ -2,6 +2,7 @@
 
 from vnav.synthetic.rendered_capture import (
     DEMO,
+    HANDHELD,
     MINIATURE,
     CaptureSpec,
     cached_capture,
@@ -13,6 +14,7 @@ from vnav.synthetic.sensor import Sensor
 
 __all__ = [
     "DEMO",
+    "HANDHELD",
     "MINIATURE",
     "SCENES",
     "Box",

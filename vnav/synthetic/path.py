@@ -1,5 +1,7 @@
 """A hand-held walk along a closed tour."""
 
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -8,23 +10,36 @@ from vnav.core import se3
 STEP_RAD_PER_M = 1.0  # one radian takes as many frames as one metre
 
 
+@dataclass(frozen=True)
+class Hand:
+    """How the camera is held; it pans by ``pan_deg`` to either side, once in ``pan_frames``."""
+
+    height_m: float
+    pitch_deg: float
+    pan_deg: float = 0.0
+    pan_frames: float = 60.0
+
+
 def walk(
     tour: NDArray[np.float64],
     frames: int,
-    height_m: float,
-    pitch_deg: float,
+    hand: Hand,
     rng: np.random.Generator,
+    at: NDArray[np.float64] | None = None,
 ) -> NDArray[np.float64]:
     """Poses T_world_camera (frames, 4, 4) once around a tour (N, 3) of x, y, yaw.
 
     The frames are evenly spread in metres or radians, whichever is more; the last frame sees again
-    what the first one saw. The hand sways a little, smoothly.
+    what the first one saw. The hand sways a little, smoothly. ``at`` (M,): poses there instead,
+    counted in frames, between them and beyond the ends, too.
     """
-    x, y, yaw = _closed_curve(tour, frames)
-    z = height_m + _sway(frames, 0.04, rng)
-    yaw = yaw + _sway(frames, np.deg2rad(1.5), rng)
-    pitch = np.deg2rad(pitch_deg) + _sway(frames, np.deg2rad(3), rng)
-    return look(np.stack([x, y, z], -1), yaw, pitch, _sway(frames, np.deg2rad(1.5), rng))
+    at = np.arange(frames, dtype=float) if at is None else at
+    x, y, yaw = _closed_curve(tour, frames, at)
+    z = hand.height_m + _sway(at, 0.04, rng)
+    yaw = yaw + _sway(at, np.deg2rad(1.5), rng)
+    yaw = yaw + np.deg2rad(hand.pan_deg) * np.sin(2 * np.pi * at / hand.pan_frames)
+    pitch = np.deg2rad(hand.pitch_deg) + _sway(at, np.deg2rad(3), rng)
+    return look(np.stack([x, y, z], -1), yaw, pitch, _sway(at, np.deg2rad(1.5), rng))
 
 
 def look(
@@ -43,22 +58,27 @@ def look(
     return se3.make(R @ about_view, positions)
 
 
-def _closed_curve(tour: NDArray[np.float64], frames: int) -> NDArray[np.float64]:
-    """x, y, yaw (3, frames) of a smooth closed curve through the tour."""
+def _closed_curve(
+    tour: NDArray[np.float64], frames: int, at: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """x, y, yaw (3, M) of a smooth closed curve through the tour, which takes so many frames."""
     from scipy.interpolate import CubicSpline
 
     turns = np.array([0, 0, 2 * np.pi]) * np.rint((tour[-1, 2] - tour[0, 2]) / (2 * np.pi))
     knots = np.vstack([tour, tour[:1] + turns])
-    at = np.concatenate([[0], np.cumsum(_effort(knots))])
-    drift = np.outer(at / at[-1], turns)
+    effort = np.concatenate([[0], np.cumsum(_effort(knots))])
+    drift = np.outer(effort / effort[-1], turns)
     periodic = knots - drift
     periodic[-1] = periodic[0]  # but for rounding it is
-    spline = CubicSpline(at, periodic, bc_type="periodic")
-    fine = np.linspace(0, at[-1], 50 * frames)
-    curve = spline(fine) + np.outer(fine / at[-1], turns)
+    spline = CubicSpline(effort, periodic, bc_type="periodic")
+    fine = np.linspace(0, effort[-1], 50 * frames)
+    curve = spline(fine) + np.outer(fine / effort[-1], turns)
     done = np.concatenate([[0], np.cumsum(_effort(curve))])
     even = np.linspace(0, done[-1], frames)
-    return np.array([np.interp(even, done, curve[:, k]) for k in range(3)])
+    laps = np.floor(at / (frames - 1)) * ((at < 0) | (at > frames - 1))
+    reached = np.interp(at - laps * (frames - 1), np.arange(frames), even)
+    along = np.array([np.interp(reached, done, curve[:, k]) for k in range(3)])
+    return np.asarray(along + np.outer(turns, laps))
 
 
 def _effort(curve: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -66,9 +86,9 @@ def _effort(curve: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.maximum(np.hypot(steps[:, 0], steps[:, 1]), np.abs(steps[:, 2]) / STEP_RAD_PER_M)
 
 
-def _sway(frames: int, size: float, rng: np.random.Generator) -> NDArray[np.float64]:
-    """A sum of slow sines (frames,), below ``size``; a period is 20 frames or more."""
+def _sway(at: NDArray[np.float64], size: float, rng: np.random.Generator) -> NDArray[np.float64]:
+    """A sum of slow sines (M,) of frames, below ``size``; a period is 20 frames or more."""
     per_frame = rng.uniform(0.005, 0.05, 4)
     phases = rng.uniform(0, 2 * np.pi, 4)
-    turns = 2 * np.pi * np.outer(np.arange(frames), per_frame)
+    turns = 2 * np.pi * np.outer(at, per_frame)
     return np.asarray(size * np.sin(turns + phases).mean(1))

@@ -19,10 +19,11 @@ from vnav.core.grid import FREE
 from vnav.core.progress import Progress, silent
 from vnav.errors import CaptureError
 from vnav.io.formats.grid_files import write_grid
-from vnav.synthetic.path import look, walk
+from vnav.synthetic.path import Hand, look, walk
 from vnav.synthetic.scene import Scene
 from vnav.synthetic.scenes import SCENES
 from vnav.synthetic.sensor import Sensor, gains, measured_color, measured_depth
+from vnav.synthetic.shutter import exposed_color
 
 UNITS_PER_METRE = 5000
 FIRST_STAMP_S = 1000.0
@@ -45,6 +46,8 @@ class CaptureSpec:
     rate_hz: float = 10.0
     height_m: float = 1.3
     pitch_deg: float = -18.0
+    pan_deg: float = 0.0  # to either side
+    pan_s: float = 2.0  # there and back
     seed: int = 0
     sensor: Sensor = Sensor()
     name: str = "capture"  # of its folder in the cache
@@ -63,6 +66,19 @@ MINIATURE = CaptureSpec(
     height_m=1.1,
     pitch_deg=-20.0,
     name="miniature",
+)
+HANDHELD = CaptureSpec(
+    "one_room",
+    300,
+    12,
+    KINECT,
+    PHONE,
+    rate_hz=30.0,
+    height_m=1.1,
+    pitch_deg=-20.0,
+    pan_deg=24.0,
+    sensor=Sensor(exposure_s=0.008, line_delay_s=5e-5, depth_delay_s=0.02),
+    name="handheld",
 )
 
 
@@ -107,8 +123,13 @@ def write_capture(folder: Path, spec: CaptureSpec, progress: Progress = silent) 
 
 def camera_poses(scene: Scene, spec: CaptureSpec) -> NDArray[np.float64]:
     """T_world_camera (frames, 4, 4) along the scene's tour."""
-    tour = np.array(scene.tour)
-    return walk(tour, spec.frames, spec.height_m, spec.pitch_deg, _rng(spec, 0))
+    return _poses(scene, spec, np.arange(spec.frames, dtype=float))
+
+
+def _poses(scene: Scene, spec: CaptureSpec, at: NDArray[np.float64]) -> NDArray[np.float64]:
+    """T_world_camera (M, 4, 4) at numbers of frames, between frames too."""
+    hand = Hand(spec.height_m, spec.pitch_deg, spec.pan_deg, spec.pan_s * spec.rate_hz)
+    return walk(np.array(scene.tour), spec.frames, hand, _rng(spec, 0), at)
 
 
 def photo_poses(scene: Scene, spec: CaptureSpec) -> NDArray[np.float64]:
@@ -143,7 +164,7 @@ def _write_frames(folder: Path, scene: Scene, spec: CaptureSpec, progress: Progr
 
     def write(k: int) -> None:
         rng = _rng(spec, 3, k)
-        color, depth_m = scene.render(spec.camera, T_world_camera[k])
+        color, depth_m = exposed_frame(scene, spec, k)
         color = measured_color(color, gain[k], spec.sensor, rng)
         depth_m = measured_depth(depth_m, spec.camera, spec.sensor, rng)
         _write_jpeg(folder / color_names[k], color, spec.sensor)
@@ -157,6 +178,19 @@ def _write_frames(folder: Path, scene: Scene, spec: CaptureSpec, progress: Progr
     _write_truth(folder / "groundtruth.txt", stamps, T_world_camera)
     depth = f"\n[depth]\nunits_per_metre = {UNITS_PER_METRE}\n"
     (folder / "camera.toml").write_text(_camera_text(spec.camera) + depth, "utf-8")
+
+
+def exposed_frame(
+    scene: Scene, spec: CaptureSpec, k: int
+) -> tuple[NDArray[np.uint8], NDArray[np.float32]]:
+    """Colour and exact depth of a frame, each of when it is exposed."""
+
+    def poses_at(after_s: NDArray[np.float64]) -> NDArray[np.float64]:
+        return _poses(scene, spec, k + after_s * spec.rate_hz)
+
+    color = exposed_color(scene, spec.camera, spec.sensor, poses_at)
+    (later,) = poses_at(np.array([spec.sensor.depth_delay_s]))
+    return color, scene.render_depth(spec.camera, later)
 
 
 def _write_photos(folder: Path, scene: Scene, spec: CaptureSpec, progress: Progress) -> None:

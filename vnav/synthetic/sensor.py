@@ -29,6 +29,9 @@ class Sensor:
     color_sigma: float = 2.0  # of 255
     gain_drift: float = 0.06  # amplitude of the slow change of exposure
     jpeg_quality: int = 92
+    exposure_s: float = 0.0  # of a row of colour; what moves meanwhile is blurred
+    line_delay_s: float = 0.0  # from one row of colour to the next: a rolling shutter
+    depth_delay_s: float = 0.0  # depth is measured so much after colour's stamp, all rows at once
 
 
 def measured_depth(
