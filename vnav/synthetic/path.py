@@ -3,11 +3,12 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from vnav.core import se3
 
 STEP_RAD_PER_M = 1.0  # one radian takes as many frames as one metre
+LENGTH_SAMPLES = 1000  # of a curve whose length is measured
 
 
 @dataclass(frozen=True)
@@ -40,6 +41,12 @@ def walk(
     yaw = yaw + np.deg2rad(hand.pan_deg) * np.sin(2 * np.pi * at / hand.pan_frames)
     pitch = np.deg2rad(hand.pitch_deg) + _sway(at, np.deg2rad(3), rng)
     return look(np.stack([x, y, z], -1), yaw, pitch, _sway(at, np.deg2rad(1.5), rng))
+
+
+def frames_at(step_m: float, tour: ArrayLike) -> int:
+    """How many frames a walk around a tour (N, 3) takes, with that step from each to the next."""
+    length_m = _effort(_closed_curve(np.asarray(tour, float), LENGTH_SAMPLES).T).sum()
+    return 1 + round(float(length_m) / step_m)
 
 
 def look(

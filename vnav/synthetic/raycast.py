@@ -71,6 +71,13 @@ def depth_of(
     return np.where(inverse_depth > 0, 1 / np.maximum(inverse_depth, 1e-9), 0).astype(np.float32)
 
 
+def nearest_of(
+    rectangles: Rectangles, intrinsics: Intrinsics, T_world_camera: NDArray[np.float64]
+) -> NDArray[np.int32]:
+    """Which rectangle each pixel's centre sees (height, width); -1 where a ray meets nothing."""
+    return _cast(rectangles, intrinsics, T_world_camera)[0]
+
+
 def color_of(
     rectangles: Rectangles,
     textures: Textures,

@@ -150,7 +150,7 @@ def photo_poses(scene: Scene, spec: CaptureSpec) -> NDArray[np.float64]:
         clear = bool((obstacles.cells[row, column] == FREE).all())
         if clear and np.median(scene.render_depth(spec.photo_camera, T)) > NEAREST_VIEW_M:
             poses.append(T)
-    return np.array(poses)
+    return np.array(poses).reshape(-1, 4, 4)
 
 
 def _write_frames(folder: Path, scene: Scene, spec: CaptureSpec, progress: Progress) -> None:

@@ -1,6 +1,6 @@
 """A scene: boxes with textured faces, rendered to colour and depth."""
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from vnav.core.camera import Intrinsics
 from vnav.core.grid import FREE, OCCUPIED, UNKNOWN, Grid
 from vnav.core.se3 import exp_so3
-from vnav.synthetic.raycast import Rectangles, Textures, color_of, depth_of, pyramids
+from vnav.synthetic.raycast import Rectangles, Textures, color_of, depth_of, nearest_of, pyramids
 from vnav.synthetic.textures import texture
 
 TEXEL_M = 0.004
@@ -103,6 +103,14 @@ class Scene:
     ) -> NDArray[np.float32]:
         """Exact depth (H, W) in metres at the pixel centres, 0 where there is nothing."""
         return depth_of(self.rectangles, intrinsics, np.asarray(T_world_camera, float))
+
+    def has_unique_look(
+        self, intrinsics: Intrinsics, T_world_camera: ArrayLike
+    ) -> NDArray[np.bool_]:
+        """Which pixels (H, W) see a face that is neither bare nor the twin of another."""
+        unique = [not face.twin and face.material != "bare" for face in self.faces]
+        nearest = nearest_of(self.rectangles, intrinsics, np.asarray(T_world_camera, float))
+        return np.append(unique, False)[nearest]
 
     @cached_property
     def faces(self) -> tuple[Face, ...]:
@@ -201,6 +209,17 @@ def twins(name: str, pieces: Iterable[Iterable[Box]]) -> list[tuple[Box, ...]]:
         tuple(replace(box, twin=f"{name} {k} {n}") for n, box in enumerate(piece))
         for k, piece in enumerate(pieces)
     ]
+
+
+def unlike(make: Callable[[int], Scene]) -> Callable[[int], Scene]:
+    """Makes the same scenes without twins: every face has a look of its own."""
+
+    def scene(seed: int) -> Scene:
+        original = make(seed)
+        pieces = tuple(tuple(replace(box, twin="") for box in piece) for piece in original.pieces)
+        return replace(original, pieces=pieces)
+
+    return scene
 
 
 def closed_tour(*stops: tuple[float, float, float]) -> tuple[tuple[float, float, float], ...]:

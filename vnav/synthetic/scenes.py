@@ -4,6 +4,7 @@ from collections.abc import Callable
 
 import numpy as np
 
+from vnav.synthetic.aisles import library, library_bare, supermarket
 from vnav.synthetic.furniture import (
     EDGE,
     HEIGHT_M,
@@ -21,7 +22,7 @@ from vnav.synthetic.furniture import (
 )
 from vnav.synthetic.many_rooms import building
 from vnav.synthetic.repeating import shop, twin_rooms
-from vnav.synthetic.scene import Scene, closed_tour, placed
+from vnav.synthetic.scene import Scene, closed_tour, placed, unlike
 
 
 def apartment(seed: int) -> Scene:
@@ -86,7 +87,14 @@ SCENES: dict[str, Callable[[int], Scene]] = {
     "apartment": apartment,
     "one_room": one_room,
     "twin_rooms": twin_rooms,
+    "twin_rooms_unlike": unlike(twin_rooms),
     "shop": shop,
+    "shop_unlike": unlike(shop),
+    "library": library,
+    "library_bare": library_bare,
+    "library_unlike": unlike(library),
+    "supermarket": supermarket,
+    "supermarket_unlike": unlike(supermarket),
     "building_2": building(2),
     "building_12": building(12),
 }

@@ -58,6 +58,11 @@ def _step(values: Image, threshold: float, softness: float = 0.12) -> Image:
     return np.asarray(np.clip((values - threshold) / softness + 0.5, 0, 1), np.float32)
 
 
+def _bare(shape: Shape, texel_m: float, colors: Rng, rng: Rng) -> Image:
+    """One tone and nothing on it, such as painted steel."""
+    return np.broadcast_to(_tone(colors, 0.45, 0.8, 0.05), (*shape, 3))
+
+
 def _plaster(shape: Shape, texel_m: float, colors: Rng, rng: Rng) -> Image:
     shade = 1 + 0.035 * fractal(shape, 0.5 / texel_m, 0.012 / texel_m, rng)
     stains = _step(noise(shape, 0.06 / texel_m, rng), 1.6)
@@ -145,6 +150,24 @@ def _painting(shape: Shape, texel_m: float, colors: Rng, rng: Rng) -> Image:
     return _shaded(image, 1 + 0.03 * fractal(shape, 0.05 / texel_m, 0.008 / texel_m, rng))
 
 
+def _carton(shape: Shape, texel_m: float, colors: Rng, rng: Rng) -> Image:
+    """The front of a box of goods: a picture, a broad name above it, small print below."""
+    image = np.full((*shape, 3), _tone(colors, 0.4, 0.8, 0.25), np.float32)
+    top, bottom = int(0.1 * shape[0]), int(0.75 * shape[0])
+    left, right = int(0.1 * shape[1]), int(0.9 * shape[1])
+    for size in np.geomspace(0.5, 0.08, 25):
+        centre = rng.uniform((left, top), (right, bottom))
+        axes = size * min(shape) / 2 * rng.uniform(0.4, 1, 2)
+        color = _tone(colors, 0.1, 0.9, 0.25).tolist()
+        box = (centre.tolist(), axes.tolist(), float(rng.uniform(0, 360)))
+        cv2.ellipse(image, box, color, -1, cv2.LINE_AA)
+    ink = _tone(colors, 0.05, 0.25, 0.05)
+    for row in range(bottom, int(0.95 * shape[0]), max(2, round(0.008 / texel_m))):
+        printed = rng.random(right - left) < 0.6
+        image[row, left:right][printed] = ink
+    return image
+
+
 def _window(shape: Shape, texel_m: float, colors: Rng, rng: Rng) -> Image:
     """Sky above trees, behind a frame with a bar."""
     clouds = _step(noise(shape, shape[0] / 3, rng), 0.5, 2)
@@ -198,6 +221,7 @@ def _drawers(shape: Shape, texel_m: float, colors: Rng, rng: Rng) -> Image:
 
 
 MATERIALS: dict[str, Material] = {
+    "bare": _bare,
     "plaster": _plaster,
     "wallpaper": _wallpaper,
     "wood": _wood,
@@ -206,6 +230,7 @@ MATERIALS: dict[str, Material] = {
     "fabric": _fabric,
     "linen": _linen,
     "painting": _painting,
+    "carton": _carton,
     "window": _window,
     "books": _books,
     "drawers": _drawers,
