@@ -45,7 +45,8 @@ def walk(
 
 def frames_at(step_m: float, tour: ArrayLike) -> int:
     """How many frames a walk around a tour (N, 3) takes, with that step from each to the next."""
-    length_m = _effort(_closed_curve(np.asarray(tour, float), LENGTH_SAMPLES).T).sum()
+    at = np.arange(LENGTH_SAMPLES, dtype=float)
+    length_m = _effort(_closed_curve(np.asarray(tour, float), len(at), at).T).sum()
     return 1 + round(float(length_m) / step_m)
 
 
