@@ -1,0 +1,155 @@
+"""Candidate motions between two frames, weighed by all their pixels with depth.
+
+A pixel's point, carried into the other frame, should meet a surface there that looks the same. A
+point before that surface is seen through, which speaks against the motion; one behind it is hidden,
+and says nothing. What repeats or moves agrees with itself in a part of the image only, so a cell of
+the image has one vote, however many pixels it has. Source for the comparison of two hypotheses by
+how evenly parts of the data prefer one: Vuong 1989, "Likelihood ratio tests for model selection".
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import ceil, erfc, log, sqrt
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from vnav.config import RegistrationConfig
+from vnav.core import se3
+from vnav.core.arrays import Array, Floats
+from vnav.core.camera import Intrinsics
+from vnav.core.reduced_frame import BLOCK_PX, ReducedFrame
+from vnav.registration.cell_votes import poll
+from vnav.registration.pixel_evidence import SEEN_SIGMAS, carried, log_likelihoods
+
+CELLS = 12, 16  # down and across
+MAX_SAMPLES = 3000  # pixels of a frame that are asked
+CORRELATED = 9.0  # pixels of a reduced frame that err alike: so many count for one
+WRONG = 0.05  # share of pixels that a right motion does not explain, and of cells
+GREY_SIGMA = 3.0  # of a block's brightness: by noise, and by reflections, which do not average out
+BLUR_PX = 1.0  # of the brightness, which is interpolated
+TINY = 1e-12
+MAX_Z = 20.0  # sums of votes in standard deviations; more does not fit a number
+
+
+@dataclass(frozen=True)
+class PixelEvidence:
+    """What pixels say of C candidate motions, and of there being none, which is the last.
+
+    ``favour`` (C + 1, C + 1): votes of cells for the row's candidate against the column's, as
+    log-likelihood ratios; ``variance`` of these sums, by how much the cells disagree.
+    """
+
+    favour: Array
+    variance: Array
+
+    def __add__(self, other: "PixelEvidence") -> "PixelEvidence":
+        """With that of another pair of frames on the same candidates."""
+        return PixelEvidence(self.favour + other.favour, self.variance + other.variance)
+
+    @property
+    def log_odds(self) -> Array:
+        """Of each candidate against each (C + 1, C + 1), none being the last."""
+        z = self.favour / np.sqrt(np.maximum(self.variance, TINY))
+        return np.reshape([_log_odds(value) for value in z.flat], z.shape)
+
+    @property
+    def probabilities(self) -> Array:
+        """That each candidate (C,) is right; what they leave is the probability that none is."""
+        against_all = 1 / np.exp(np.minimum(self.log_odds, 700).T).sum(1)
+        return np.asarray(against_all / against_all.sum())[:-1]
+
+
+def judge(
+    a: ReducedFrame, b: ReducedFrame, candidates: Sequence[Array], config: RegistrationConfig
+) -> PixelEvidence:
+    """The evidence of all pixels with depth of two frames on motions ``T_a_b`` between them.
+
+    Both ways: a's pixels are held against b, and b's against a. No preference where nothing
+    overlaps. Candidates that pixels cannot tell apart had better be one: see `are_same`.
+    """
+    of_a, of_b = _View.of(a), _View.of(b)
+    inverses = [se3.inverse(T) for T in candidates]
+    ways = _votes(of_a, of_b, inverses, config), _votes(of_b, of_a, candidates, config)
+    favour, variance = (np.mean(parts, 0) for parts in zip(*ways, strict=True))
+    return PixelEvidence(favour, variance)  # the mean: what one way tells, the other tells again
+
+
+def are_same(a: ReducedFrame, T_a_b: Array, U_a_b: Array, config: RegistrationConfig) -> bool:
+    """Whether two motions put most of a's pixels with depth at one place in b, but for noise."""
+    pixels = _grid(a.intrinsics, MAX_SAMPLES // 8)[0]
+    inverse_depth = a.inverse_depth[pixels[:, 1], pixels[:, 0]]
+    seen = inverse_depth > 0
+    points = a.intrinsics.unproject(pixels[seen], 1 / inverse_depth[seen].astype(float))
+    first, second = (se3.transform(se3.inverse(motion), points) for motion in (T_a_b, U_a_b))
+    apart = np.linalg.norm(a.intrinsics.project(first) - a.intrinsics.project(second), axis=1)
+    farther = np.abs(1 / first[:, 2] - 1 / second[:, 2])
+    limits = config.ransac_threshold_px / BLOCK_PX, SEEN_SIGMAS * config.depth_sigma_per_m2
+    same = (apart < limits[0]) & (farther < limits[1])
+    return bool(2 * same.sum() >= len(same))
+
+
+@dataclass(frozen=True)
+class _View:
+    """A reduced frame as the loops take it, and which of its pixels are asked.
+
+    ``image`` (H, W, 2): inverse depth, and brightness smoothed so that it can be interpolated;
+    ``spread`` (2,): their standard deviations; ``camera``: fx, fy, cx, cy; ``pixels`` (N, 2), their
+    ``brightness`` and ``cells`` (N,); mean ``surface`` of the cells (R, C), 0 where unknown.
+    """
+
+    image: Floats
+    spread: Array
+    camera: Array
+    pixels: NDArray[np.int64]
+    weight: float
+    brightness: Array
+    cells: NDArray[np.int64]
+    surface: Array
+
+    @classmethod
+    def of(cls, frame: ReducedFrame) -> "_View":
+        """Made ready."""
+        grey = cv2.GaussianBlur(np.asarray(frame.grey), (0, 0), BLUR_PX)
+        image = np.stack([frame.inverse_depth, grey], -1)
+        pixels, stride = _grid(frame.intrinsics, MAX_SAMPLES)
+        inverse_depth, brightness = image[pixels[:, 1], pixels[:, 0]].astype(float).T
+        rows, columns = (pixels[:, ::-1] * CELLS // image.shape[:2]).T
+        cells = rows * CELLS[1] + columns
+        known = inverse_depth > 0
+        spread = inverse_depth[known].std() if known.any() else 0.0
+        total, count = (np.bincount(cells, k, CELLS[0] * CELLS[1]) for k in (inverse_depth, known))
+        surface = (total / np.maximum(count, 1)).reshape(CELLS)
+        c = frame.intrinsics
+        camera = np.array([c.fx, c.fy, c.cx, c.cy])
+        weight = stride**2 / CORRELATED
+        spreads = np.array([spread, brightness.std()])
+        return cls(image, spreads, camera, pixels, weight, brightness, cells, surface)
+
+
+def _votes(
+    a: _View, b: _View, T_b_a: Sequence[Array], config: RegistrationConfig
+) -> tuple[Array, Array]:
+    """How a's cells vote, by what their pixels meet in b; see `poll`."""
+    sigmas = np.array([config.pixel_sigma_px / BLOCK_PX, config.depth_sigma_per_m2, GREY_SIGMA])
+    cameras, chance = np.stack([a.camera, b.camera]), np.hypot(a.spread, b.spread)
+    told = np.zeros((len(T_b_a) + 1, len(a.pixels)))
+    for k, T in enumerate(T_b_a):
+        met = carried(np.ascontiguousarray(T), a.image, b.image, cameras, a.pixels, sigmas)
+        told[k] = log_likelihoods(met, a.brightness, chance, WRONG)
+    favour, variance = poll(told, a.cells, a.surface, a.weight, WRONG)
+    return favour, variance
+
+
+def _grid(camera: Intrinsics, count: int) -> tuple[NDArray[np.int64], int]:
+    """At most so many pixels (N, 2), u and v, of an even grid, and the step between them."""
+    stride = ceil(sqrt(camera.width * camera.height / count))
+    rows, columns = np.arange(0, camera.height, stride), np.arange(0, camera.width, stride)
+    return np.stack(np.meshgrid(columns, rows), -1).reshape(-1, 2).astype(np.int64), stride
+
+
+def _log_odds(z: float) -> float:
+    """Of a standard normal value being below z."""
+    z = min(max(z, -MAX_Z), MAX_Z)
+    return log(erfc(-z / sqrt(2)) / erfc(z / sqrt(2)))

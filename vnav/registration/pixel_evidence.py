@@ -1,0 +1,137 @@
+"""What pixels say of a motion between two frames, as compiled loops."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vnav.compiled import compiled
+from vnav.core.arrays import Array, Floats
+from vnav.registration.compiled_geometry import MIN_Z_M, transform
+from vnav.registration.refinement import CAUCHY_SIGMAS
+
+SEEN_SIGMAS = 3.0  # of inverse depth: a point so near to the surface is a point of it
+EXPOSURE_ROUNDS = 3
+
+
+@compiled
+def log_likelihoods(met: Array, brightness: Array, chance: Array, wrong: float) -> Array:
+    """Of pixels (N,) meeting what they met, over that of meeting any others by chance.
+
+    ``met`` (N, 4) from `carried`; ``brightness`` (N,) of the pixels; ``chance`` (2,): standard
+    deviation of what any two pixels differ by, in inverse depth and in brightness; ``wrong``: share
+    of pixels that a right motion does not explain. NaN for pixels that met nothing.
+    """
+    told = np.full(len(met), np.nan)
+    gain, offset = _exposure(met, brightness, chance[1])
+    for n in range(len(met)):
+        if not np.isnan(met[n, 0]):
+            told[n] = _log_likelihood(met[n, 0], met[n, 2], chance[0], wrong)
+        if not np.isnan(met[n, 1]):
+            off = met[n, 1] - gain * brightness[n] - offset
+            told[n] += _log_likelihood(off, met[n, 3], chance[1], wrong)
+    return told
+
+
+@compiled
+def carried(
+    T_b_a: Array,
+    a: Floats,
+    b: Floats,
+    cameras: Array,
+    pixels: NDArray[np.int64],
+    sigmas: Array,
+) -> Array:
+    """What meets pixels (N, 2) of a where they fall in b: rows (N, 4).
+
+    How much nearer the pixel's point is than b's surface, in inverse depth, and b's brightness;
+    then the standard deviation of both. NaN where there is nothing to compare: a point outside b,
+    or hidden in it; the brightness also of one that is seen through. ``a`` and ``b`` (H, W, 2):
+    inverse depth, 0 for none, and brightness; ``cameras`` (2, 4): fx, fy, cx, cy of a and of b;
+    ``sigmas`` of a place in pixels, of inverse depth, of brightness.
+    """
+    met = np.full((len(pixels), 4), np.nan)
+    point, p, seen = np.empty(3), np.empty(3), np.empty((2, 3))
+    here, there = cameras[0], cameras[1]
+    for n in range(len(pixels)):
+        u, v = pixels[n]
+        w = a[v, u, 0]
+        if w <= 0:
+            continue
+        point[0], point[1] = (u - here[2]) / here[0] / w, (v - here[3]) / here[1] / w
+        point[2] = 1 / w
+        transform(p, T_b_a, point)
+        if p[2] <= MIN_Z_M:
+            continue
+        x, y = there[0] * p[0] / p[2] + there[2], there[1] * p[1] / p[2] + there[3]
+        if not _interpolated(seen, b, x, y):
+            continue
+        nearer = 1 / p[2] - seen[0, 0]
+        _spread(met[n, 2:], seen, sigmas, 1 / p[2] / w)
+        if nearer >= -SEEN_SIGMAS * met[n, 2]:
+            met[n, 0] = nearer
+        if abs(nearer) < SEEN_SIGMAS * met[n, 2]:
+            met[n, 1] = seen[1, 0]
+    return met
+
+
+@compiled
+def _interpolated(seen: Array, image: Floats, x: float, y: float) -> bool:
+    """Value and gradient (2, 3) of both channels at a place; False without depth all around."""
+    height, width = image.shape[:2]
+    if not (0 <= x < width - 1 and 0 <= y < height - 1):
+        return False
+    u, v = int(x), int(y)
+    for k in range(2):
+        i00, i01 = image[v, u, k], image[v, u + 1, k]
+        i10, i11 = image[v + 1, u, k], image[v + 1, u + 1, k]
+        if k == 0 and min(i00, i01, i10, i11) <= 0:
+            return False
+        top, low = i00 + (x - u) * (i01 - i00), i10 + (x - u) * (i11 - i10)
+        seen[k, 0] = top + (y - v) * (low - top)
+        seen[k, 1] = (1 - (y - v)) * (i01 - i00) + (y - v) * (i11 - i10)
+        seen[k, 2] = low - top
+    return True
+
+
+@compiled
+def _spread(sigma: Array, seen: Array, sigmas: Array, scale: float) -> None:
+    """Standard deviations (2,) of both residuals: by noise, and by slope times noise of place."""
+    place, depth, grey = sigmas
+    brought = depth * scale * scale  # noise of the inverse depth that a measured
+    slope = seen[0, 1] ** 2 + seen[0, 2] ** 2
+    edge = seen[1, 1] ** 2 + seen[1, 2] ** 2
+    sigma[0] = np.sqrt(depth * depth + brought * brought + place * place * slope)
+    sigma[1] = np.sqrt(2 * grey * grey + place * place * edge)
+
+
+@compiled
+def _log_likelihood(off: float, sigma: float, chance: float, wrong: float) -> float:
+    """Of one residual over that of chance; no less than if it were wrong."""
+    spread = 1 + (chance / sigma) ** 2
+    ratio = np.sqrt(spread) * np.exp(-((off / sigma) ** 2) / 2 * (1 - 1 / spread))
+    return float(np.log((1 - wrong) * ratio + wrong))
+
+
+@compiled
+def _exposure(met: Array, brightness: Array, chance: float) -> tuple[float, float]:
+    """Gain and offset from a's brightness to b's, by mean and deviation of what both have seen.
+
+    A wrong motion leaves these as they are. Equal exposure where the images show no contrast.
+    """
+    gain, offset = 1.0, 0.0
+    for k in range(EXPOSURE_ROUNDS):
+        count, sums, squares = 0.0, np.zeros(2), np.zeros(2)
+        for n in range(len(met)):
+            if np.isnan(met[n, 1]):
+                continue
+            off = met[n, 1] - gain * brightness[n] - offset
+            weight = 1 / (1 + (off / (CAUCHY_SIGMAS * (met[n, 3] if k else chance))) ** 2)
+            count += weight
+            for i, value in ((0, brightness[n]), (1, met[n, 1])):
+                sums[i] += weight * value
+                squares[i] += weight * value * value
+        if count > 0:
+            mean = sums / count
+            of_a, of_b = np.maximum(squares / count - mean * mean, 1.0)
+            gain = np.sqrt(of_b / of_a)
+            offset = mean[1] - gain * mean[0]
+    return gain, offset
