@@ -45,6 +45,15 @@ class Textures:
     width: NDArray[np.int64]
     height: NDArray[np.int64]
 
+    def followed_by(self, other: "Textures") -> "Textures":
+        """The textures of these rectangles and of others after them."""
+        return Textures(
+            np.concatenate([self.texels, other.texels]),
+            np.concatenate([self.start, other.start + len(self.texels)]),
+            np.concatenate([self.width, other.width]),
+            np.concatenate([self.height, other.height]),
+        )
+
 
 def pyramids(images: list[NDArray[np.uint8]], levels: int = 8) -> Textures:
     """Mip-maps of S images (H, W, 3), each level the area average of the one before."""

@@ -19,11 +19,14 @@ from vnav.core.grid import FREE
 from vnav.core.progress import Progress, silent
 from vnav.errors import CaptureError
 from vnav.io.formats.grid_files import write_grid
+from vnav.synthetic.masks import write_masks
 from vnav.synthetic.path import Hand, look, walk
+from vnav.synthetic.people import Peopled, peopled
 from vnav.synthetic.scene import Scene
 from vnav.synthetic.scenes import SCENES
 from vnav.synthetic.sensor import Sensor, gains, measured_color, measured_depth
 from vnav.synthetic.shutter import exposed_color
+from vnav.synthetic.strolls import STEP_S
 
 UNITS_PER_METRE = 5000
 FIRST_STAMP_S = 1000.0
@@ -36,7 +39,11 @@ NEAREST_VIEW_M = 1.5  # median depth of a photo is no less
 
 @dataclass(frozen=True)
 class CaptureSpec:
-    """What to record: a scene's name, how many frames and photos, by which cameras."""
+    """What to record: a scene's name, how many frames and photos, by which cameras.
+
+    ``walkers`` people walk about and cover ``walker_share`` of the pixels, the mean over frames.
+    Everything else is as without them: poses, noise, photos.
+    """
 
     scene: str
     frames: int
@@ -48,6 +55,8 @@ class CaptureSpec:
     pitch_deg: float = -18.0
     pan_deg: float = 0.0  # to either side
     pan_s: float = 2.0  # there and back
+    walkers: int = 0
+    walker_share: float = 0.2
     seed: int = 0
     sensor: Sensor = Sensor()
     name: str = "capture"  # of its folder in the cache
@@ -112,21 +121,40 @@ def write_capture(folder: Path, spec: CaptureSpec, progress: Progress = silent) 
 
     The layout is that of the TUM RGB-D benchmark; poses are of the colour camera in a world with
     z up and the floor at z = 0; photos/ holds its own camera.toml and groundtruth.txt, truth/ a
-    grid of what really stands in a robot's way.
+    grid of what really stands in a robot's way, and masks of the walkers if there are any.
     """
     scene = SCENES[spec.scene](spec.seed)
-    _write_frames(folder, scene, spec, progress)
+    people = with_walkers(scene, spec)
+    _write_frames(folder, people or scene, spec, progress)
     _write_photos(folder / "photos", scene, spec, progress)
     (folder / "truth").mkdir()
     write_grid(folder / "truth", scene.grid(GRID_M, *OBSTACLES_M))
+    if people:
+        times_s = np.arange(spec.frames) / spec.rate_hz
+        write_masks(folder / "truth", people, spec.camera, camera_poses(scene, spec), times_s)
 
 
-def camera_poses(scene: Scene, spec: CaptureSpec) -> NDArray[np.float64]:
+def with_walkers(scene: Scene, spec: CaptureSpec) -> Peopled | None:
+    """The scene with those who walk about in the capture, if anybody does; time 0 is frame 0.
+
+    CaptureError where they cannot cover the share of pixels that is asked for.
+    """
+    if not spec.walkers:
+        return None
+    step = STEP_S * spec.rate_hz
+    at = np.minimum(np.arange(0, spec.frames - 1 + step, step), spec.frames - 1)
+    T_world_camera = _poses(scene, spec, at)
+    return peopled(scene, spec.walkers, spec.walker_share, spec.camera, T_world_camera, spec.seed)
+
+
+def camera_poses(scene: Scene | Peopled, spec: CaptureSpec) -> NDArray[np.float64]:
     """T_world_camera (frames, 4, 4) along the scene's tour."""
     return _poses(scene, spec, np.arange(spec.frames, dtype=float))
 
 
-def _poses(scene: Scene, spec: CaptureSpec, at: NDArray[np.float64]) -> NDArray[np.float64]:
+def _poses(
+    scene: Scene | Peopled, spec: CaptureSpec, at: NDArray[np.float64]
+) -> NDArray[np.float64]:
     """T_world_camera (M, 4, 4) at numbers of frames, between frames too."""
     hand = Hand(spec.height_m, spec.pitch_deg, spec.pan_deg, spec.pan_s * spec.rate_hz)
     return walk(np.array(scene.tour), spec.frames, hand, _rng(spec, 0), at)
@@ -153,7 +181,9 @@ def photo_poses(scene: Scene, spec: CaptureSpec) -> NDArray[np.float64]:
     return np.array(poses).reshape(-1, 4, 4)
 
 
-def _write_frames(folder: Path, scene: Scene, spec: CaptureSpec, progress: Progress) -> None:
+def _write_frames(
+    folder: Path, scene: Scene | Peopled, spec: CaptureSpec, progress: Progress
+) -> None:
     T_world_camera = camera_poses(scene, spec)
     for name in ("rgb", "depth"):
         (folder / name).mkdir(parents=True)
@@ -181,16 +211,18 @@ def _write_frames(folder: Path, scene: Scene, spec: CaptureSpec, progress: Progr
 
 
 def exposed_frame(
-    scene: Scene, spec: CaptureSpec, k: int
+    scene: Scene | Peopled, spec: CaptureSpec, k: int
 ) -> tuple[NDArray[np.uint8], NDArray[np.float32]]:
     """Colour and exact depth of a frame, each of when it is exposed."""
+    stamp_s = k / spec.rate_hz
 
     def poses_at(after_s: NDArray[np.float64]) -> NDArray[np.float64]:
         return _poses(scene, spec, k + after_s * spec.rate_hz)
 
-    color = exposed_color(scene, spec.camera, spec.sensor, poses_at)
+    color = exposed_color(scene, spec.camera, spec.sensor, poses_at, stamp_s)
     (later,) = poses_at(np.array([spec.sensor.depth_delay_s]))
-    return color, scene.render_depth(spec.camera, later)
+    depth_moment = scene.at(stamp_s + spec.sensor.depth_delay_s)
+    return color, depth_moment.render_depth(spec.camera, later)
 
 
 def _write_photos(folder: Path, scene: Scene, spec: CaptureSpec, progress: Progress) -> None:

@@ -12,7 +12,7 @@ from vnav.core.camera import Intrinsics
 from vnav.core.grid import FREE, OCCUPIED, UNKNOWN, Grid
 from vnav.core.se3 import exp_so3
 from vnav.synthetic.raycast import Rectangles, Textures, color_of, depth_of, nearest_of, pyramids
-from vnav.synthetic.textures import texture
+from vnav.synthetic.textures import MATERIALS, texture
 
 TEXEL_M = 0.004
 SMALL_TEXEL_M = 0.0025  # on faces below a square metre
@@ -85,6 +85,10 @@ class Scene:
     bounds: tuple[float, float, float, float, float]
     tour: tuple[tuple[float, float, float], ...]
     seed: int
+
+    def at(self, t_s: float) -> "Scene":
+        """The scene at a time: itself, since nothing moves in it."""
+        return self
 
     def render(
         self, intrinsics: Intrinsics, T_world_camera: ArrayLike
@@ -163,7 +167,7 @@ class Scene:
         )
         rng = np.random.default_rng([self.seed, 3, *look] if look else [self.seed, 1, index])
         texel_m = TEXEL_M if face.size_m[0] * face.size_m[1] > 1 else SMALL_TEXEL_M
-        image = texture(face.material, face.size_m, texel_m, colors, rng)
+        image = texture(MATERIALS[face.material], face.size_m, texel_m, colors, rng)
         light = 0.80 + 0.20 * float(face.normal @ LIGHT)
         return np.asarray(np.clip(image * light, 0, 255), np.uint8)
 

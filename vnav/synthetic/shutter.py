@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vnav.core.camera import Intrinsics
+from vnav.synthetic.people import Peopled
 from vnav.synthetic.scene import Scene
 from vnav.synthetic.sensor import Sensor
 
@@ -16,7 +17,11 @@ PosesAt = Callable[[NDArray[np.float64]], NDArray[np.float64]]
 
 
 def exposed_color(
-    scene: Scene, camera: Intrinsics, sensor: Sensor, poses_at: PosesAt
+    scene: Scene | Peopled,
+    camera: Intrinsics,
+    sensor: Sensor,
+    poses_at: PosesAt,
+    stamp_s: float = 0.0,
 ) -> NDArray[np.uint8]:
     """Colour (H, W, 3) of a moving camera: each row the mean over the time that it is exposed.
 
@@ -26,13 +31,13 @@ def exposed_color(
     """
     times_s, weights = _slices(camera.height, sensor)
     if len(times_s) == 1:
-        return scene.render_color(camera, poses_at(times_s)[0])
+        return scene.at(stamp_s).render_color(camera, poses_at(times_s)[0])
     color = np.zeros((camera.height, camera.width, 3), np.float32)
-    for T, weight in zip(poses_at(times_s), weights, strict=True):
+    for after_s, T, weight in zip(times_s, poses_at(times_s), weights, strict=True):
         first, last = np.flatnonzero(weight)[[0, -1]].tolist()
         band = replace(camera, height=last + 1 - first, cy=camera.cy - first)
         rows = slice(first, last + 1)
-        color[rows] += weight[rows, None, None] * scene.render_color(band, T)
+        color[rows] += weight[rows, None, None] * scene.at(stamp_s + after_s).render_color(band, T)
     return np.asarray(np.rint(color), np.uint8)
 
 

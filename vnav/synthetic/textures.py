@@ -18,11 +18,11 @@ Material = Callable[[Shape, float, Rng, Rng], Image]
 
 
 def texture(
-    material: str, size_m: tuple[float, float], texel_m: float, colors: Rng, rng: Rng
+    material: Material, size_m: tuple[float, float], texel_m: float, colors: Rng, rng: Rng
 ) -> NDArray[np.uint8]:
-    """An RGB image for a surface of width and height ``size_m``; KeyError for no such material."""
+    """An RGB image for a surface of width and height ``size_m``."""
     shape = max(2, round(size_m[1] / texel_m)), max(2, round(size_m[0] / texel_m))
-    image = MATERIALS[material](shape, texel_m, colors, rng)
+    image = material(shape, texel_m, colors, rng)
     return np.asarray(np.clip(255 * image + 0.5, 0, 255), np.uint8)
 
 
