@@ -24,10 +24,7 @@ def info(map_dir: Path, as_json: bool) -> None:
 
 
 def _lines(values: dict[str, Any]) -> Iterator[tuple[str, str]]:
-    yield "map", f"{values['map']}, {values['size_mb']:.1f} MB"
-    for capture in values["captures"]:
-        width, height = capture["size_px"]
-        yield "capture", f"{capture['id']}: {capture['name']}, {width} x {height}"
+    yield from _head(values)
     if "frames" in values:
         frames = f"{values['tracked']} of {values['frames']} tracked"
         yield "frames", f"{frames}, {values['keyframes']} keyframes"
@@ -49,6 +46,15 @@ def _lines(values: dict[str, Any]) -> Iterator[tuple[str, str]]:
     for name, stage in values["stages"].items():
         seconds = "" if stage["seconds"] is None else f"{stage['seconds']:8.1f} s"
         yield "stage", f"{name:12}{stage['state']:9}{stage['size_mb']:8.1f} MB{seconds}"
+
+
+def _head(values: dict[str, Any]) -> Iterator[tuple[str, str]]:
+    yield "map", f"{values['map']}, {values['size_mb']:.1f} MB"
+    if values["quality"]:
+        yield "quality", "; ".join([values["quality"]["verdict"], *values["quality"]["doubts"]])
+    for capture in values["captures"]:
+        width, height = capture["size_px"]
+        yield "capture", f"{capture['id']}: {capture['name']}, {width} x {height}"
 
 
 def _world(world: dict[str, Any]) -> str:

@@ -17,8 +17,10 @@ def show_map(map_dir: Path, built: "BuiltMap") -> None:
     """Print what building a map found, and where it is."""
     for warning in built.warnings:
         warn(warning)
-    show(built.reports)
+    *stages, quality = built.reports
+    show(stages)
     click.echo(f"map in {map_dir}, pictures in {map_dir / 'reports'}")
+    show([quality])
 
 
 def show(reports: Iterable[Report]) -> None:

@@ -39,7 +39,7 @@ def test_paths_may_be_text_and_the_map_that_is_built_tells_what_was_found(
     mapped = vnav.build_map(str(tiny_capture), str(copied), config=SAME)
     assert mapped.root == copied
     assert mapped.built is not None
-    assert [report.stage for report in mapped.built.reports][-2:] == ["index", "map"]
+    assert [report.stage for report in mapped.built.reports][-3:] == ["index", "map", "quality"]
 
 
 def test_a_capture_that_was_opened_is_taken_as_it_is(copied: Path, tiny_capture: Path) -> None:

@@ -27,8 +27,8 @@ def capture(tiny_capture: Path) -> Capture:
 
 def redone(folder: MapFolder, capture: Capture, config: Config = CONFIG) -> list[str]:
     reports = build_map(folder, capture, config)
-    assert [report.stage for report in reports] == [*STAGES, "map"]
-    return [report.stage for report in reports[:-1] if not report.reused]
+    assert [report.stage for report in reports] == [*STAGES, "map", "quality"]
+    return [report.stage for report in reports[:-2] if not report.reused]
 
 
 def test_a_finished_map_is_left_as_it_is(folder: MapFolder, capture: Capture) -> None:
@@ -53,13 +53,13 @@ def test_a_run_that_finds_all_done_keeps_the_report_of_the_one_that_made_the_map
     """Its memory and seconds are those of the map, not of looking at it."""
     made = folder.report("map") | {"seconds": 123.0}
     folder.write_report("map", made)
-    whole = build_map(folder, capture, CONFIG)[-1]
+    whole = build_map(folder, capture, CONFIG)[-2]
     assert whole.reused
     assert folder.report("map") == made
 
 
 def test_the_summary_tells_size_and_memory(folder: MapFolder, capture: Capture) -> None:
-    whole = build_map(folder, capture, CONFIG)[-1]
+    whole = build_map(folder, capture, CONFIG)[-2]
     size = sum(path.stat().st_size for path in folder.root.rglob("*") if path.is_file())
     assert whole.values["map_mb"] == pytest.approx(size / 1e6, rel=0.01)
     assert whole.values["peak_memory_mb"] > 50  # Python with numpy alone needs as much

@@ -11,6 +11,7 @@ from vnav.core.arrays import frozen
 from vnav.core.frame import Edge, Features
 
 LOST = -1
+CONTRADICTS = "disagrees with the pose graph"  # reason of a loop that was found and is not kept
 FLOOR_OFF_M, FLOOR_TILT_DEG = 0.05, 2.0  # of a given world, where the grid still fits
 
 

@@ -36,7 +36,7 @@ def by_appearance(
     Tardos 2012), and must be farther away in time than ``exclude_s`` or in another segment.
     """
     similarity = tfidf_similarity(odometry.keyframes, tree)
-    apart = _apart(odometry, config.exclude_s)
+    apart = are_apart(odometry, config.exclude_s)
     found: dict[tuple[int, int], LoopCandidate] = {}
     for j in range(1, len(similarity)):
         scores = np.where(apart[j, :j], similarity[j, :j], 0.0)
@@ -94,7 +94,7 @@ def view_overlap(
     return overlap
 
 
-def _apart(odometry: Odometry, exclude_s: float) -> NDArray[np.bool_]:
+def are_apart(odometry: Odometry, exclude_s: float) -> NDArray[np.bool_]:
     """Which keyframes (K, K) are far apart in time, or of different segments or captures."""
     frames, rows = odometry.frames, odometry.keyframe_rows
     stamp_s, segment, capture = frames.stamp_s[rows], odometry.segment[rows], frames.capture[rows]

@@ -13,7 +13,9 @@ from vnav.core.trajectory import Trajectory
 from vnav.errors import MapError
 from vnav.io.sources.capture import Capture
 from vnav.io.store.map_folder import STAGES, MapFolder
+from vnav.io.store.overview import has_verdict
 from vnav.io.store.stage_reports import clock, finished, peak_memory_mb, reused
+from vnav.pipeline.quality import assess
 
 
 @dataclass(frozen=True)
@@ -49,7 +51,7 @@ def build_map(
     given: Trajectory | None = None,
     progress: Progress = silent,
 ) -> list[Report]:
-    """Run every stage that is not up to date; their reports in order, that of the whole run last.
+    """Run every stage that is not up to date; their reports in order, the verdict on the map last.
 
     With ``given`` poses, the map is made at these.
     MapError where the map was made of others.
@@ -60,9 +62,9 @@ def build_map(
 
     tracked = odometry.run(folder, capture, config, given=given, progress=progress)
     reports = [tracked, *run_stages(folder, STAGES[1:], config, progress)]
-    if folder.report("map") and all(report.reused for report in reports):
-        return [*reports, reused(folder, "map")]
-    return [*reports, finished(folder, whole(folder), started)]
+    if has_verdict(folder) and all(report.reused for report in reports):
+        return [*reports, reused(folder, "map"), reused(folder, "quality")]
+    return [*reports, finished(folder, whole(folder), started), judged(folder, config)]
 
 
 def run_stages(
@@ -82,6 +84,14 @@ def expect_capture(folder: MapFolder, capture: Capture) -> None:
             f" {capture.name}; name another folder with --map, add a capture with 'vnav extend"
             f" {folder.root} CAPTURE', or start anew with --fresh"
         )
+
+
+def judged(folder: MapFolder, config: Config) -> Report:
+    """The verdict on a finished map."""
+    started = clock()
+    quality = assess(folder, config)
+    values = quality.values | {"inputs": folder.inputs_of("optimise")}
+    return finished(folder, Report("quality", values, (quality.line,), quality.doubts), started)
 
 
 def whole(folder: MapFolder) -> Report:

@@ -26,7 +26,7 @@ from vnav.io.store.artifacts import (
 from vnav.io.store.map_folder import STAGES, MapFolder
 from vnav.io.store.replacement import replacing
 from vnav.io.store.stage_reports import clock, finished, reused, settings_of
-from vnav.pipeline.build import BuiltMap, run_stages, whole
+from vnav.pipeline.build import BuiltMap, judged, run_stages, whole
 from vnav.pipeline.connection import (
     connection,
     require_connection,
@@ -71,6 +71,7 @@ def extend(
         if current is not None:  # its world is kept
             draft.write_current(current)
         reports.append(finished(draft, with_connection(whole(draft), found), started))
+        reports.append(judged(draft, config))
     return BuiltMap(checked.warnings, reports)
 
 

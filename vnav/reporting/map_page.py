@@ -34,7 +34,7 @@ def write(folder: MapFolder) -> Path:
 def page(folder: MapFolder) -> str:
     """The page as HTML; draws the map's pictures anew."""
     values = overview(folder)
-    reports = {stage: folder.report(stage) for stage in (*STAGES, "map")}
+    reports = {stage: folder.report(stage) for stage in ("quality", *STAGES, "map")}
     title = _title(values)
     parts = [
         f"<h1>{escape(title)}</h1>\n<small>{escape(values['map'])}, vnav {__version__}</small>",
@@ -57,6 +57,8 @@ def _title(values: dict[str, Any]) -> str:
 
 def _tiles(values: dict[str, Any]) -> str:
     tiles = {}
+    if values["quality"]:
+        tiles["verdict"] = values["quality"]["verdict"]
     if "frames" in values:
         tiles["frames tracked"] = f"{values['tracked']} of {values['frames']}"
         tiles["keyframes"] = values["keyframes"]

@@ -9,7 +9,7 @@ import numpy as np
 from vnav.config import Config
 from vnav.core.arrays import Array
 from vnav.core.camera import Intrinsics
-from vnav.core.mapping import LoopVerdict, Odometry
+from vnav.core.mapping import CONTRADICTS, LoopVerdict, Odometry
 from vnav.core.progress import Progress, silent
 from vnav.core.report import Report
 from vnav.core.trajectory import Trajectory
@@ -69,7 +69,7 @@ def final_verdicts(verdicts: Sequence[LoopVerdict], graph: PoseGraph) -> list[Lo
     return [
         verdict
         if not verdict.accepted or next(kept)
-        else dataclasses.replace(verdict, accepted=False, reason="disagrees with the pose graph")
+        else dataclasses.replace(verdict, accepted=False, reason=CONTRADICTS)
         for verdict in verdicts
     ]
 

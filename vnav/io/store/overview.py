@@ -19,8 +19,9 @@ def overview(folder: MapFolder) -> dict[str, Any]:
 
     Always there: ``captures`` (id, name, frames, image size), ``stages`` (state "current", "stale"
     or "missing", size, seconds of the last run), ``size_mb``, ``current`` (the last located pose
-    or None). With odometry: ``frames, tracked, posed, keyframes, lost`` (spans of one capture,
-    with the reason). With loops: ``loops`` (tried, accepted, rejected, and reasons counted). With
+    or None), ``quality`` (the verdict on the map and its reasons, None before it is finished).
+    With odometry: ``frames, tracked, posed, keyframes, lost`` (spans of one capture, with the
+    reason). With loops: ``loops`` (tried, accepted, rejected, and reasons counted). With
     optimise: ``landmarks, world, path_m``. With fuse: ``grid`` (size, area of each state).
     """
     states = {stage: _state(folder, stage) for stage in STAGES}
@@ -41,6 +42,7 @@ def overview(folder: MapFolder) -> dict[str, Any]:
             for c in folder.captures
         ],
         "current": folder.current(),
+        "quality": folder.report("quality")["values"] if has_verdict(folder) else None,
     }
     if "odometry" in current:
         values |= _frames(folder, "optimise" in current)
@@ -49,6 +51,14 @@ def overview(folder: MapFolder) -> dict[str, Any]:
     if "fuse" in current:
         values |= _grid(folder)
     return values
+
+
+def has_verdict(folder: MapFolder) -> bool:
+    """Whether there is a verdict, and on the map as it is."""
+    if not folder.has("optimise"):
+        return False
+    judged = folder.report("quality").get("values", {}).get("inputs")
+    return bool(judged == folder.inputs_of("optimise"))
 
 
 def _state(folder: MapFolder, stage: str) -> str:

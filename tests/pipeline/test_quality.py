@@ -1,0 +1,108 @@
+"""The verdict on a map."""
+
+import dataclasses
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from vnav.config import Config, FeaturesConfig
+from vnav.core.mapping import CONTRADICTS
+from vnav.io.store.artifacts import (
+    load_loops,
+    load_odometry,
+    load_optimised,
+    save_odometry,
+    save_optimised,
+    save_verdicts,
+)
+from vnav.io.store.map_folder import MapFolder
+from vnav.io.store.overview import has_verdict, overview
+from vnav.pipeline.build import judged
+from vnav.pipeline.quality import assess
+from vnav.stages import optimise
+
+CONFIG = Config(features=FeaturesConfig(max_features=700))  # that of the map that is copied
+
+
+@pytest.fixture
+def folder(whole_map: Path, tmp_path: Path) -> MapFolder:
+    shutil.copytree(whole_map, tmp_path / "map")
+    return MapFolder(tmp_path / "map")
+
+
+def test_a_map_that_agrees_with_itself_is_good(folder: MapFolder) -> None:
+    quality = assess(folder, CONFIG)
+    assert quality.doubts == ()
+    assert quality.line.startswith("good")
+    assert quality.values["revisits"] > 5  # the walk ends where it began
+
+
+def test_a_map_whose_second_half_has_slipped_is_doubtful(folder: MapFolder) -> None:
+    result = load_optimised(folder)
+    poses = result.T_world_camera.copy()
+    poses[len(poses) // 2 :, :2, 3] += 0.3
+    save_optimised(folder.stage("optimise"), dataclasses.replace(result, T_world_camera=poses))
+
+    quality = assess(folder, CONFIG)
+
+    assert quality.values["verdict"] == "doubtful"
+    assert "see one place again disagree" in quality.doubts[0]
+
+
+def test_a_frame_none_of_whose_motions_is_likely_is_named(folder: MapFolder) -> None:
+    odometry = load_odometry(folder)
+    edges = tuple(
+        dataclasses.replace(e, probability=0.3) if e.j == 7 else e for e in odometry.edges
+    )
+    save_odometry(folder.stage("odometry"), dataclasses.replace(odometry, edges=edges))
+
+    (doubt,) = assess(folder, CONFIG).doubts
+
+    assert "the motion of 1 frames is in doubt, within frame 7;" in doubt
+
+
+def test_one_likely_motion_is_enough_for_a_frame(folder: MapFolder) -> None:
+    odometry = load_odometry(folder)
+    edges = list(odometry.edges)
+    twice = next(e.j for n, e in enumerate(edges) if edges[n - 1].j == e.j)
+    first = next(n for n, e in enumerate(edges) if e.j == twice)
+    edges[first] = dataclasses.replace(edges[first], probability=0.1)
+    save_odometry(folder.stage("odometry"), dataclasses.replace(odometry, edges=tuple(edges)))
+
+    assert assess(folder, CONFIG).doubts == ()
+
+
+def test_more_loops_against_a_map_than_for_it_make_it_doubtful(folder: MapFolder) -> None:
+    verdicts = list(load_loops(folder))
+    accepted = [n for n, v in enumerate(verdicts) if v.accepted]
+    for n in accepted[: round(0.6 * len(accepted))]:
+        verdicts[n] = dataclasses.replace(verdicts[n], accepted=False, reason=CONTRADICTS)
+    save_verdicts(folder.stage("optimise"), verdicts)
+
+    (doubt,) = assess(folder, CONFIG).doubts
+
+    assert "loops contradict the map" in doubt
+
+
+def test_a_verdict_is_on_the_map_as_it_was_judged(folder: MapFolder) -> None:
+    judged(folder, CONFIG)
+    assert overview(folder)["quality"]["verdict"] == "good"
+
+    other = dataclasses.replace(
+        CONFIG, optimise=dataclasses.replace(CONFIG.optimise, bundle_rounds=1)
+    )
+    optimise.run(folder, other)
+
+    assert not has_verdict(folder)
+    assert overview(folder)["quality"] is None
+
+
+def test_poses_that_are_nowhere_are_not_compared(folder: MapFolder) -> None:
+    result = load_optimised(folder)
+    poses = result.T_world_camera.copy()
+    poses[len(poses) // 2 :] = np.nan
+    save_optimised(folder.stage("optimise"), dataclasses.replace(result, T_world_camera=poses))
+
+    assert assess(folder, CONFIG).values["revisits"] == 0

@@ -1,0 +1,88 @@
+"""Keyframes that see one place at different times: whether they agree on it.
+
+A map that is bent puts surfaces where other keyframes see free space, or beside themselves. How far
+two keyframes may differ, their sensor tells itself: by keyframes that follow each other.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vnav.config import RegistrationConfig
+from vnav.core import se3
+from vnav.core.arrays import Array, Floats
+from vnav.core.reduced_frame import BLOCK_PX, ReducedFrame
+from vnav.registration.pixel_evidence import carried
+
+STRIDE_PX = 2  # between the pixels that are compared
+MIN_SHARED = 0.1  # share of the pixels that must fall on a surface of the other
+SEEN_THROUGH_SIGMAS = 6.0  # a point so far before the other's surface is seen through
+GREY_SIGMA = 1.0  # brightness is not compared
+USUAL = 0.9  # quantile of neighbours that says what is usual
+MEDIAN_SIGMAS = 0.17  # at most, of the median distance by noise alone: blocks are means of 16
+UNUSUAL_TIMES = 2.0  # off by so many times what is usual
+UNUSUAL_SHARE = 0.1  # of points seen through, beyond what is usual
+
+
+@dataclass(frozen=True)
+class Agreement:
+    """How the surfaces of two keyframes stand to each other at their poses in the map.
+
+    ``i``, ``j``: their rows; ``off_sigmas``: median distance between them in standard deviations of
+    measured depth; ``seen_through``: share of points that the other keyframe sees through.
+    """
+
+    i: int
+    j: int
+    off_sigmas: float
+    seen_through: float
+
+
+def agreement(
+    rows: tuple[int, int],
+    frames: tuple[ReducedFrame, ReducedFrame],
+    T_i_j: Array,
+    config: RegistrationConfig,
+) -> Agreement | None:
+    """How two keyframes agree where ``T_i_j`` is between them; None where they share too little."""
+    i, j = frames
+    ways = _nearer(i, j, se3.inverse(T_i_j), config), _nearer(j, i, T_i_j, config)
+    nearer = np.concatenate(ways)
+    shared = nearer[np.isfinite(nearer)]
+    if len(shared) < MIN_SHARED * len(nearer):
+        return None
+    seen_through = float((shared > SEEN_THROUGH_SIGMAS).mean())
+    return Agreement(*rows, float(np.median(np.abs(shared))), seen_through)
+
+
+def disagreeing(revisits: Sequence[Agreement], neighbours: Sequence[Agreement]) -> list[Agreement]:
+    """Those revisits that agree less than neighbours usually do; none without neighbours."""
+    if not neighbours:
+        return []
+    off = float(np.quantile([n.off_sigmas for n in neighbours], USUAL))
+    through = float(np.quantile([n.seen_through for n in neighbours], USUAL))
+    return [
+        r
+        for r in revisits
+        if r.off_sigmas > UNUSUAL_TIMES * max(off, MEDIAN_SIGMAS)
+        or r.seen_through > through + UNUSUAL_SHARE
+    ]
+
+
+def _nearer(a: ReducedFrame, b: ReducedFrame, T_b_a: Array, config: RegistrationConfig) -> Array:
+    """How much nearer (N,) points of a are than b's surface, in sigmas; NaN where hidden."""
+    cameras = np.array([[c.fx, c.fy, c.cx, c.cy] for c in (a.intrinsics, b.intrinsics)])
+    sigmas = np.array([config.pixel_sigma_px / BLOCK_PX, config.depth_sigma_per_m2, GREY_SIGMA])
+    met = carried(np.ascontiguousarray(T_b_a), _image(a), _image(b), cameras, _grid(a), sigmas)
+    return np.asarray(met[:, 0] / met[:, 2])
+
+
+def _image(frame: ReducedFrame) -> Floats:
+    return np.stack([frame.inverse_depth, frame.grey], -1)
+
+
+def _grid(frame: ReducedFrame) -> NDArray[np.int64]:
+    rows, columns = np.indices(frame.grey.shape)[:, ::STRIDE_PX, ::STRIDE_PX]
+    return np.stack([columns.ravel(), rows.ravel()], -1).astype(np.int64)
