@@ -10,8 +10,9 @@ from vnav.core import se3
 from vnav.core.camera import Intrinsics
 from vnav.core.frame import Edge
 from vnav.optimisation import bundle
-from vnav.optimisation import depth_offset as offsets
 from vnav.optimisation.bundle_graph import BundleProblem
+from vnav.optimisation.calibrating_step import calibrating_step
+from vnav.optimisation.self_calibration import PRIOR_SIGMAS
 from vnav.optimisation.sensor_model import Bundle, Observations, SensorModel
 
 CAMERA = Intrinsics(640, 480, 525.0, 525.0, 319.5, 239.5)
@@ -55,8 +56,19 @@ def covariances(
     return bundle.covariances(found, BundleProblem(seen, edges, model))
 
 
-def depth_offset(found: Bundle, seen: Observations, edges: list[Edge], model: SensorModel) -> float:
-    return offsets.depth_offset(found, BundleProblem(seen, edges, model))
+def with_offset(seen: Observations, offset: float) -> Observations:
+    return dataclasses.replace(seen, inverse_depth=seen.inverse_depth + offset)
+
+
+def depth_offset(found: Bundle, seen: Observations, model: SensorModel) -> float:
+    """Where steps of bundle and offset lead, under the prior of an offset."""
+    offset = np.zeros(1)
+    by_error = np.tile([[0.0], [0.0], [1.0]], (len(seen), 1, 1))
+    for _ in range(4):
+        problem = BundleProblem(with_offset(seen, -offset[0]), [], model)
+        step = calibrating_step(found, problem, by_error, -offset, PRIOR_SIGMAS[:1])
+        found, offset = step.bundle, offset + step.change
+    return float(offset[0])
 
 
 def without_depth(seen: Observations, rows: np.ndarray) -> Observations:
@@ -329,8 +341,8 @@ TOLD = 4 * 2e-5
 def test_an_offset_of_all_inverse_depths_is_found(offset: float) -> None:
     rng = np.random.default_rng(16)
     truth = scene(rng)
-    seen = measured(truth, rng, 0.01).without_offset(-offset)
-    assert depth_offset(truth, seen, [], sharp(0.01)) == pytest.approx(offset, abs=TOLD)
+    seen = with_offset(measured(truth, rng, 0.01), offset)
+    assert depth_offset(truth, seen, sharp(0.01)) == pytest.approx(offset, abs=TOLD)
 
 
 def test_depth_that_is_wrong_by_a_scale_has_no_offset() -> None:
@@ -339,25 +351,39 @@ def test_depth_that_is_wrong_by_a_scale_has_no_offset() -> None:
     truth = scene(rng)
     seen = measured(truth, rng, 0.01)
     scaled = dataclasses.replace(seen, inverse_depth=1.002 * seen.inverse_depth)
-    assert depth_offset(truth, scaled, [], sharp(0.01)) == pytest.approx(0, abs=TOLD)
+    assert depth_offset(truth, scaled, sharp(0.01)) == pytest.approx(0, abs=TOLD)
 
 
 def test_an_offset_that_noise_hides_is_not_guessed() -> None:
     # Known to 2e-3 1/m only, so that the prior leaves a hundredth of what seems to be.
     rng = np.random.default_rng(18)
     truth = scene(rng)
-    seen = measured(truth, rng).without_offset(-offsets.OFFSET_SIGMA)
-    assert depth_offset(truth, seen, [], MODEL) == pytest.approx(0, abs=offsets.OFFSET_SIGMA / 2)
+    seen = with_offset(measured(truth, rng), PRIOR_SIGMAS[0])
+    assert depth_offset(truth, seen, MODEL) == pytest.approx(0, abs=PRIOR_SIGMAS[0] / 2)
 
 
-def test_more_than_a_sensor_may_be_off_is_no_offset() -> None:
+def test_a_step_leads_to_the_optimum_of_the_bundle() -> None:
     rng = np.random.default_rng(19)
     truth = scene(rng)
-    seen = measured(truth, rng, 0.01).without_offset(-2 * offsets.LARGEST_OFFSET)
-    assert depth_offset(truth, seen, [], sharp(0.01)) == 0
+    seen = measured(truth, rng)
+    problem, none = BundleProblem(seen, [], MODEL), np.zeros((len(seen), 3, 0))
+    best = bundle.adjust(truth, problem, ITERATIONS, tolerance=0.0)
+    found = truth
+    for _ in range(12):
+        found = calibrating_step(found, problem, none, np.zeros(0), np.zeros(0)).bundle
+    # A hundredth of a pose's sigma, which is a millimetre and more.
+    np.testing.assert_allclose(found.T_world_camera, best.T_world_camera, atol=1e-5)
 
 
-def test_without_observations_there_is_no_offset() -> None:
-    truth = scene(np.random.default_rng(20))
-    none = measured(truth, np.random.default_rng(20))[np.zeros(0, np.intp)]
-    assert depth_offset(truth, none, [], MODEL) == 0
+def test_the_step_says_how_well_it_knows_the_offset() -> None:
+    """Of sixteen scenes the mean square of errors in sigmas is 1 +- 0.35, less for careful ones."""
+    errors = []
+    for seed in range(16):
+        rng = np.random.default_rng(seed)
+        truth = scene(rng)
+        seen = measured(truth, rng, 0.1)
+        by_error = np.tile([[0.0], [0.0], [1.0]], (len(seen), 1, 1))
+        problem = BundleProblem(seen, [], sharp(0.1))
+        step = calibrating_step(truth, problem, by_error, np.zeros(1), np.array([1.0]))
+        errors.append(step.change[0] / step.sigmas[0])
+    assert 0.2 < np.mean(np.square(errors)) < 2

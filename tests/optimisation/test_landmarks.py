@@ -193,7 +193,7 @@ def test_a_landmark_seen_once_stays_where_its_keyframe_sees_it() -> None:
             for k, f in zip(landmarks.keyframe[once], landmarks.feature[once], strict=True)
         ]
     )
-    expected = lifted / (1 - result.depth_offset * lifted[:, 2:])
+    expected = lifted / (1 - result.sensor.errors.depth_offset * lifted[:, 2:])
     np.testing.assert_allclose(seen, expected, atol=2e-6)  # float32 at 4 m, twice
 
 
@@ -281,7 +281,7 @@ def test_depth_that_is_too_short_far_away_is_allowed_for() -> None:
     # does, so half of it is found.
     offset = 3e-4
     result = scene(14, noise=0.02, offset=offset).adjusted(disturbed(scene(14).T))
-    assert result.depth_offset == pytest.approx(offset / 2, rel=0.5)
+    assert result.sensor.errors.depth_offset == pytest.approx(offset / 2, rel=0.5)
 
 
 def test_one_round_allows_for_nothing() -> None:
@@ -292,4 +292,7 @@ def test_one_round_allows_for_nothing() -> None:
     )
     start = disturbed(made.T)
     config = OptimiseConfig(bundle_rounds=1)
-    assert adjust_landmarks(start, tracks, joined(start), model, config).depth_offset == 0
+    assert (
+        adjust_landmarks(start, tracks, joined(start), model, config).sensor.errors.depth_offset
+        == 0
+    )

@@ -270,6 +270,9 @@ class OptimiseConfig(Section, path="optimise"):
         "landmarks",
         "joined keyframes that share fewer are held by their pose graph edge too",
     )
+    estimate_delays: bool = flag(
+        True, "a delay of depth and a rolling shutter are estimated, and allowed for"
+    )
     given_poses: str = choice(
         "fixed",
         lambda: ("fixed", "prior"),

@@ -25,21 +25,32 @@ def lift(
     off the plane by more than the noise explains: a depth edge. There a narrower window is tried.
     Claim 3, S4.
     """
+    inverse_depth = inverse_depth_planes(keypoints_px, depth_m, config)[:, 0]
+    return intrinsics.unproject(keypoints_px, 1 / inverse_depth).astype(np.float32)
+
+
+def inverse_depth_planes(
+    keypoints_px: NDArray[np.floating], depth_m: NDArray[np.float32], config: RegistrationConfig
+) -> NDArray[np.float64]:
+    """Inverse depth (1/m) at keypoints (N, 2), and its slopes in x and y (1/m a pixel): (N, 3).
+
+    Those of the plane that `lift` reads off; NaN where it refuses one.
+    """
     px = np.ascontiguousarray(keypoints_px, np.float64)
     depth_m = np.ascontiguousarray(depth_m, np.float32)
     limit = EDGE_SIGMAS * config.depth_sigma_per_m2
-    z = _depths(px, depth_m, config.depth_window_px // 2, limit)
-    refused = np.isnan(z)
-    z[refused] = _depths(px[refused], depth_m, config.edge_window_px // 2, limit)
-    return intrinsics.unproject(px, z).astype(np.float32)
+    planes = _planes(px, depth_m, config.depth_window_px // 2, limit)
+    refused = np.isnan(planes[:, 0])
+    planes[refused] = _planes(px[refused], depth_m, config.edge_window_px // 2, limit)
+    return planes
 
 
 @compiled
-def _depths(
+def _planes(
     px: NDArray[np.float64], depth_m: NDArray[np.float32], reach: int, limit: float
 ) -> NDArray[np.float64]:
-    """Depth (N,) at each pixel, NaN where it does not hold."""
-    z = np.full(len(px), np.nan)
+    """Inverse depth and its slopes (N, 3) at each pixel, NaN where they do not hold."""
+    planes = np.full((len(px), 3), np.nan)
     size = 2 * reach + 1
     window = np.zeros((size * size, 3))  # offsets in x and y, inverse depth
     for n in range(len(px)):
@@ -48,8 +59,8 @@ def _depths(
             continue
         plane = _plane(window[:count])
         if plane[0] > 0 and _flat(window[:count], plane, limit):
-            z[n] = 1 / plane[0]
-    return z
+            planes[n] = plane
+    return planes
 
 
 @compiled

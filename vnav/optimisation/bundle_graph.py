@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import gtsam
@@ -41,6 +41,11 @@ class BundleProblem:
     edges: Sequence[Edge]
     model: SensorModel
     prior: PosePrior | None = None
+
+    def measured_less(self, less: Array) -> "BundleProblem":
+        """With pixels and inverse depths (M, 3) of all observations less by so much."""
+        seen = self.seen.measured(self.seen.px - less[:, :2], self.seen.inverse_depth - less[:, 2])
+        return replace(self, seen=seen)
 
     @property
     def cameras(self) -> NDArray[np.intp]:

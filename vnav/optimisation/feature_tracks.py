@@ -9,15 +9,21 @@ from numpy.typing import NDArray
 from vnav.core.arrays import Array, Rows
 from vnav.core.mapping import FrameFeatures
 from vnav.core.tracks import merge
+from vnav.optimisation.sensor_errors import MovingSensor, Readings, SensorErrors
 from vnav.optimisation.sensor_model import Observations
 
-LONG_TRACK = 4  # sightings of a landmark that tells depth's offset
+LONG_TRACK = 4  # sightings of a landmark that tells of the sensor
 
 
 class FeatureTracks:
     """Every feature of every keyframe as an observation of its track's 3D point."""
 
-    def __init__(self, keyframes: Sequence[FrameFeatures], matches: NDArray[np.int32]) -> None:
+    def __init__(
+        self,
+        keyframes: Sequence[FrameFeatures],
+        matches: NDArray[np.int32],
+        sensor: MovingSensor | None = None,
+    ) -> None:
         counts = np.array([len(k.features) for k in keyframes], np.int32)
         camera = np.repeat(np.arange(len(counts), dtype=np.int32), counts)
         px = np.concatenate([k.features.keypoints_px for k in keyframes]).astype(float)
@@ -26,13 +32,34 @@ class FeatureTracks:
         track = merge(matches, counts)
         self.seen = Observations(track, camera, px, 1 / self.points_camera[:, 2])
         self.count = int(track.max(initial=-1)) + 1
+        self.sensor = sensor
 
-    def without_offset(self, offset: float) -> "FeatureTracks":
-        """The same with an offset (1/m) subtracted from all inverse depths."""
+    def at_rest(self) -> "FeatureTracks":
+        """The same of a camera of whose motion nothing is known."""
         tracks = copy.copy(self)
-        tracks.points_camera = self.points_camera / (1 - offset * self.points_camera[:, 2:])
-        tracks.seen = self.seen.without_offset(offset)
+        tracks.sensor = None
         return tracks
+
+    def without(self, errors: SensorErrors) -> tuple["FeatureTracks", Array]:
+        """The same, measured without a sensor's errors, and how what is measured grows with them.
+
+        The second is (F, 3, 3) as in `Readings`. These tracks are as measured. At rest, depth's
+        offset alone is taken off.
+        """
+        if self.sensor is None:
+            readings = self._without_offset(errors.depth_offset)
+        else:
+            readings = self.sensor.readings(errors)
+        tracks = copy.copy(self)
+        tracks.points_camera = readings.points_camera
+        tracks.seen = self.seen.measured(readings.px, 1 / readings.points_camera[:, 2])
+        return tracks, readings.by_error
+
+    def _without_offset(self, offset: float) -> Readings:
+        by_error = np.zeros((len(self.seen), 3, 3))
+        by_error[:, 2, 0] = 1
+        points = self.points_camera / (1 - offset * self.points_camera[:, 2:])
+        return Readings(self.seen.px, points, by_error)
 
     def points_world(self, T_world_camera: Array, rows: Rows) -> Array:
         """Points (L, 3): the mean of a track's 3D points, weighted by depth's precision.

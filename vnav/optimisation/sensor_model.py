@@ -40,9 +40,9 @@ class Observations:
     def __len__(self) -> int:
         return len(self.landmark)
 
-    def without_offset(self, offset: float) -> "Observations":
-        """The same with an offset (1/m) subtracted from all inverse depths."""
-        return Observations(self.landmark, self.camera, self.px, self.inverse_depth - offset)
+    def measured(self, px: Array, inverse_depth: Array) -> "Observations":
+        """Of the same landmarks by the same cameras, otherwise measured."""
+        return Observations(self.landmark, self.camera, px, inverse_depth)
 
 
 @dataclass(frozen=True)
@@ -99,6 +99,10 @@ class SensorModel:
         width = CAUCHY_SIGMAS**2
         return float(width / 2 * np.log1p(self.squared_residuals(bundle, seen) / width).sum())
 
+    def weights(self, squared: Array) -> Array:
+        """What squared residuals (M,) weigh under that kernel, from 0 to 1."""
+        return np.asarray(1 / (1 + squared / CAUCHY_SIGMAS**2))
+
     def rms_px(self, bundle: Bundle, seen: Observations) -> float:
         """Root mean square reprojection error; NaN without observations."""
         if not len(seen):
@@ -111,20 +115,36 @@ class SensorModel:
 
         Infinite for a point that its observations do not fix.
         """
-        p, R = self._in_camera(bundle, seen)
-        w, k = 1 / p[:, 2], self._fx_fy_cx_cy[seen.camera]
-        J = np.zeros((len(p), 3, 3))
-        J[:, 0, 0], J[:, 1, 1], J[:, 2, 2] = k[:, 0] * w, k[:, 1] * w, -(w**2)
-        J[:, :2, 2] = -k[:, :2] * p[:, :2] * w[:, None] ** 2
-        J /= np.array([self.pixel_sigma, self.pixel_sigma, self.depth_sigma])[:, None]
-        J[~np.isfinite(seen.inverse_depth), 2] = 0
-        J = J @ R
+        _, _, J = self.linearised(bundle, seen)
         information = np.zeros((len(bundle.points_world), 3, 3))
         np.add.at(information, seen.landmark, np.swapaxes(J, 1, 2) @ J)
         fixed = np.linalg.eigvalsh(information)[:, 0] > 1.0  # a metre at the most
         safe = np.where(fixed[:, None, None], information, np.eye(3))
         variance = np.trace(np.linalg.inv(safe), axis1=1, axis2=2) / 3
         return np.asarray(np.where(fixed, np.sqrt(variance), np.inf))
+
+    @property
+    def sigmas(self) -> Array:
+        """Noise (3,) of a pixel's x and y, and of inverse depth."""
+        return np.array([self.pixel_sigma, self.pixel_sigma, self.depth_sigma])
+
+    def linearised(self, bundle: Bundle, seen: Observations) -> tuple[Array, Array, Array]:
+        """What is measured less what the bundle shows (M, 3), in standard deviations.
+
+        And the derivatives of what it shows by the camera's tangent (M, 3, 6) and by the point
+        (M, 3, 3). Without depth the third rows are 0.
+        """
+        p, R = self._in_camera(bundle, seen)
+        w, k = 1 / p[:, 2], self._fx_fy_cx_cy[seen.camera]
+        missing = ~np.isfinite(seen.inverse_depth)
+        residuals = np.column_stack([-self._reprojection(p, seen), seen.inverse_depth - w])
+        J = np.zeros((len(p), 3, 3))
+        J[:, 0, 0], J[:, 1, 1], J[:, 2, 2] = k[:, 0] * w, k[:, 1] * w, -(w**2)
+        J[:, :2, 2] = -k[:, :2] * p[:, :2] * w[:, None] ** 2
+        residuals[missing, 2], J[missing, 2] = 0, 0
+        J /= self.sigmas[:, None]
+        of_camera = np.concatenate([J @ se3.hat(p), -J], 2)
+        return residuals / self.sigmas, of_camera, J @ R
 
     def _in_camera(self, bundle: Bundle, seen: Observations) -> tuple[Array, Array]:
         """Points (M, 3) in their cameras, and rotations (M, 3, 3) from the world."""

@@ -16,6 +16,8 @@ from vnav.core.mapping import Odometry
 from vnav.core.progress import Progress, silent
 from vnav.optimisation import pose_graph
 from vnav.optimisation.bundle_graph import PosePrior
+from vnav.optimisation.camera_motion import velocities
+from vnav.optimisation.displacement import displacements, without_displacement
 from vnav.optimisation.feature_tracks import FeatureTracks
 from vnav.optimisation.keyframe_edges import keyframe_edges
 from vnav.optimisation.landmarks import AdjustedBundle, adjust_landmarks
@@ -27,6 +29,7 @@ from vnav.optimisation.parts import (
 from vnav.optimisation.pose_graph import PoseGraph
 from vnav.optimisation.pose_noise import pose_noise
 from vnav.optimisation.segments import align_segments
+from vnav.optimisation.sensor_errors import DepthOf, MovingSensor
 from vnav.optimisation.sensor_model import SensorModel
 
 
@@ -53,23 +56,27 @@ def solve(
     cameras: Sequence[Intrinsics],
     config: Config,
     progress: Progress = silent,
+    depth_of: DepthOf | None = None,
 ) -> Solution:
     """Robust pose graph, bundle adjustment of the keyframes, then the frames between them.
 
     ``matches`` (M, 4): keyframe, feature, keyframe, feature; ``cameras``: one a capture. There is
     no pose graph where poses are given: `config.OptimiseConfig.given_poses` says whether they stay
-    as they are or are a prior.
+    as they are or are a prior. ``depth_of``: a keyframe's depth image by its row; without these
+    nothing is said of delays.
     """
+    adjustment = _Adjustment(odometry, matches, cameras, config, depth_of)
     if odometry.given:
-        return _solve_given(odometry, closures, matches, cameras, config)
+        return _solve_given(odometry, closures, adjustment)
     graph, part = robust_pose_graph(odometry, closures, config)
     kept = tuple(compress(closures, graph.kept))
     in_main, other_parts = split_parts(part, odometry.T_world_before)
     poses = np.where(in_main[:, None, None], graph.T_world_camera, np.nan)
     progress("optimise", 1, 3)
-    adjusted = _adjust(poses, odometry, kept, matches, cameras, config)
+    adjusted = adjustment.of_keyframes(poses, kept)
     progress("optimise", 2, 3)
     edges = [e for e in (*odometry.edges, *kept) if in_main[e.i] and in_main[e.j]]
+    edges = adjustment.undisplaced(edges, poses, adjusted)
     poses = follow_keyframes(poses, adjusted.T_world_camera, odometry, edges)
     most = config.odometry.max_degenerate_frames
     poses, other_parts = attach_degenerate_frames(poses, odometry, other_parts, most)
@@ -91,41 +98,64 @@ def robust_pose_graph(
 
 
 def _solve_given(
-    odometry: Odometry,
-    closures: Sequence[Edge],
-    matches: NDArray[np.int32],
-    cameras: Sequence[Intrinsics],
-    config: Config,
+    odometry: Odometry, closures: Sequence[Edge], adjustment: "_Adjustment"
 ) -> Solution:
     """Which closures agree with the given poses, and the landmarks that their matches make."""
-    poses = odometry.T_segment_camera
+    poses, config = odometry.T_segment_camera, adjustment.config
     sigmas, fixed = pose_noise(poses, closures), config.optimise.given_poses == "fixed"
     of_two_rad, of_two_m = np.sqrt(2) * sigmas[[0, 3]]
     noisy = [e.with_added_noise(of_two_rad, of_two_m) for e in closures]
     graph = pose_graph.check_closures(poses, noisy, config.optimise.max_closure_sigmas)
     kept = tuple(compress(closures, graph.kept))
     prior = PosePrior(poses[odometry.keyframe_rows], sigmas, fixed)
-    adjusted = _adjust(poses, odometry, kept, matches, cameras, config, prior)
+    adjusted = adjustment.of_keyframes(poses, kept, prior)
     if not fixed:
         poses = follow_keyframes(poses, adjusted.T_world_camera, odometry, odometry.edges)
     return Solution(poses, adjusted, graph, kept, {}, prior)
 
 
-def _adjust(
-    poses: Array,
-    odometry: Odometry,
-    closures: Sequence[Edge],
-    matches: NDArray[np.int32],
-    cameras: Sequence[Intrinsics],
-    config: Config,
-    prior: PosePrior | None = None,
-) -> AdjustedBundle:
-    """Bundle adjustment of the keyframes, by the matches of closures that were kept."""
-    rows = odometry.keyframe_rows
-    number = {row: k for k, row in enumerate(rows.tolist())}
-    closed = {(number[e.i], number[e.j]) for e in closures}
-    of_closed = [(i, j) in closed for i, j in matches[:, [0, 2]].tolist()]
-    tracks = FeatureTracks(odometry.keyframes, matches[np.array(of_closed, bool)])
-    model = SensorModel([cameras[odometry.frames.capture[r]] for r in rows], config.registration)
-    edges = keyframe_edges(poses, odometry, closed)
-    return adjust_landmarks(poses[rows], tracks, edges, model, config.optimise, prior)
+@dataclass(frozen=True)
+class _Adjustment:
+    """Bundle adjustment of the keyframes, and what it says of edges; fields as of `solve`."""
+
+    odometry: Odometry
+    matches: NDArray[np.int32]
+    cameras: Sequence[Intrinsics]
+    config: Config
+    depth_of: DepthOf | None
+
+    def of_keyframes(
+        self, poses: Array, closures: Sequence[Edge], prior: PosePrior | None = None
+    ) -> AdjustedBundle:
+        """By the matches of closures that were kept, from poses (N, 4, 4) of all frames."""
+        rows = self.odometry.keyframe_rows
+        number = {row: k for k, row in enumerate(rows.tolist())}
+        closed = {(number[e.i], number[e.j]) for e in closures}
+        of_closed = [(i, j) in closed for i, j in self.matches[:, [0, 2]].tolist()]
+        matches = self.matches[np.array(of_closed, bool)]
+        tracks = FeatureTracks(self.odometry.keyframes, matches, self._sensor(poses))
+        model = SensorModel(self._intrinsics, self.config.registration)
+        edges = keyframe_edges(poses, self.odometry, closed)
+        return adjust_landmarks(poses[rows], tracks, edges, model, self.config.optimise, prior)
+
+    def undisplaced(self, edges: list[Edge], poses: Array, adjusted: AdjustedBundle) -> list[Edge]:
+        """The edges as a sensor without delays would have measured them."""
+        sensor, errors = self._sensor(poses), adjusted.sensor.errors
+        if sensor is None or not errors.delayed:
+            return edges
+        twists = velocities(poses, self.odometry.frames)
+        rows = self.odometry.keyframe_rows
+        return without_displacement(edges, displacements(sensor, errors, twists, rows))
+
+    @property
+    def _intrinsics(self) -> list[Intrinsics]:
+        """Of each keyframe."""
+        frames, rows = self.odometry.frames, self.odometry.keyframe_rows
+        return [self.cameras[frames.capture[row]] for row in rows]
+
+    def _sensor(self, poses: Array) -> MovingSensor | None:
+        if self.depth_of is None or not self.config.optimise.estimate_delays:
+            return None
+        twists = velocities(poses, self.odometry.frames)[self.odometry.keyframe_rows]
+        keyframes, config = self.odometry.keyframes, self.config.registration
+        return MovingSensor(keyframes, self._intrinsics, twists, self.depth_of, config)

@@ -8,6 +8,7 @@ from vnav.core.mapping import Odometry, OptimisedMap
 from vnav.core.report import Report
 from vnav.optimisation.bundle_graph import PosePrior
 from vnav.optimisation.landmarks import AdjustedBundle
+from vnav.optimisation.self_calibration import SensorCalibration
 from vnav.optimisation.solution import Solution
 
 
@@ -19,8 +20,7 @@ def solution_report(solution: Solution, result: OptimisedMap, odometry: Odometry
         f" {values['closures_kept']} closures kept, {values['closures_rejected']} rejected",
         _landmarks_line(solution.adjusted),
     ]
-    if solution.adjusted.depth_offset:
-        lines.append(_depth_line(solution.adjusted.depth_offset))
+    lines += sensor_lines(solution.adjusted.sensor)
     if solution.prior:
         rad, m = solution.prior.sigmas[[0, 3]]
         values |= {"given_sigma_deg": float(np.rad2deg(rad)), "given_sigma_m": float(m)}
@@ -39,7 +39,7 @@ def _values(solution: Solution, result: OptimisedMap) -> dict[str, Any]:
         "closures_rejected": len(solution.graph.kept) - len(solution.closures),
         "graph_error_before": solution.graph.error_before,
         "graph_error_after": solution.graph.error_after,
-        "depth_offset": adjusted.depth_offset,
+        **_sensor_values(adjusted.sensor),
         "landmarks": len(adjusted.landmarks),
         "observations": adjusted.observations,
         "rms_px_before": adjusted.rms_px_before if adjusted.observations else None,
@@ -59,10 +59,32 @@ def _landmarks_line(adjusted: AdjustedBundle) -> str:
     )
 
 
-def _depth_line(depth_offset: float) -> str:
-    how = "short" if depth_offset > 0 else "long"
-    off_mm = 1000 * abs(depth_offset) * 4**2
-    return f"depth is {off_mm:.1f} mm too {how} at 4 m; poses and landmarks allow for it"
+def _sensor_values(sensor: SensorCalibration) -> dict[str, float | None]:
+    """Each error of the sensor, and its standard deviation, None where nothing tells it."""
+    values: dict[str, float | None] = {}
+    for (name, error), sigma in zip(vars(sensor.errors).items(), sensor.sigmas, strict=True):
+        values |= {name: error, f"{name}_sigma": float(sigma) if np.isfinite(sigma) else None}
+    return values
+
+
+def sensor_lines(sensor: SensorCalibration) -> list[str]:
+    """What is wrong with the sensor, where anything is."""
+    errors, (_, depth_sigma_s, line_sigma_s) = sensor.errors, sensor.sigmas
+    lines = []
+    if errors.depth_offset:
+        how = "short" if errors.depth_offset > 0 else "long"
+        off_mm = 1000 * abs(errors.depth_offset) * 4**2
+        lines.append(f"depth is {off_mm:.1f} mm too {how} at 4 m")
+    if errors.depth_delay_s:
+        how = "after" if errors.depth_delay_s > 0 else "before"
+        delay_ms = 1000 * abs(errors.depth_delay_s)
+        lines.append(
+            f"depth is measured {delay_ms:.1f} ms (+- {1000 * depth_sigma_s:.1f}) {how} colour"
+        )
+    if errors.line_delay_s:
+        delay_us = 1e6 * errors.line_delay_s
+        lines.append(f"rolling shutter: {delay_us:.1f} us (+- {1e6 * line_sigma_s:.1f}) a row")
+    return [f"{line}; poses and landmarks allow for it" for line in lines]
 
 
 def _given_line(prior: PosePrior) -> str:

@@ -2,9 +2,11 @@
 
 import dataclasses
 from collections.abc import Sequence
+from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from vnav.config import Config
 from vnav.core.arrays import Array
@@ -27,6 +29,7 @@ from vnav.io.store.artifacts import (
 from vnav.io.store.map_folder import MapFolder
 from vnav.io.store.stage_reports import clock, finished, reused, settings_of
 from vnav.optimisation.pose_graph import PoseGraph
+from vnav.optimisation.sensor_errors import DepthOf
 from vnav.optimisation.solution import Solution, solve
 from vnav.optimisation.solution_report import solution_report
 from vnav.optimisation.surface import Surface, sample_surface
@@ -34,6 +37,7 @@ from vnav.optimisation.world import place_in_world
 from vnav.threads import one_blas_thread
 
 STAGE = "optimise"
+KEPT_IMAGES = 150  # depth images that are read once: 184 MB of 640 x 480
 
 
 @one_blas_thread
@@ -47,8 +51,11 @@ def run(folder: MapFolder, config: Config, *, progress: Progress = silent) -> Re
     odometry, cameras = load_odometry(folder), map_cameras(folder)
     (closures, matches), verdicts = load_loop_edges(folder), load_loops(folder, "loops")
 
-    solution = solve(odometry, closures, matches, cameras, config, progress)
-    surface = _keyframe_surface(folder, solution, odometry, cameras, config.odometry.max_depth_m)
+    farthest = config.odometry.max_depth_m
+    solution = solve(
+        odometry, closures, matches, cameras, config, progress, _near_depth(folder, farthest)
+    )
+    surface = _keyframe_surface(folder, solution, odometry, cameras, farthest)
     rng = np.random.default_rng([config.seed, 2])
     result = place_in_world(solution, odometry, surface, rng)
 
@@ -72,6 +79,17 @@ def final_verdicts(verdicts: Sequence[LoopVerdict], graph: PoseGraph) -> list[Lo
         else dataclasses.replace(verdict, accepted=False, reason=CONTRADICTS)
         for verdict in verdicts
     ]
+
+
+def _near_depth(folder: MapFolder, farthest_m: float) -> DepthOf:
+    """Reads a keyframe's depth as odometry used it: 0 where it is too far, too."""
+
+    @lru_cache(KEPT_IMAGES)
+    def near_depth(row: int) -> NDArray[np.float32]:
+        depth_m = load_keyframe_depth(folder, row)
+        return np.where(depth_m <= farthest_m, depth_m, np.float32(0))
+
+    return near_depth
 
 
 def _keyframe_surface(

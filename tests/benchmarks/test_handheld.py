@@ -1,0 +1,47 @@
+from collections.abc import Callable
+from types import ModuleType
+
+import pytest
+
+TRUE = {"depth_delay_s": 0.02, "line_delay_s": 5e-5}
+
+
+@pytest.fixture(scope="module")
+def handheld(script: Callable[[str], ModuleType]) -> ModuleType:
+    return script("handheld")
+
+
+def reported(depth_delay_s: float, line_delay_s: float) -> dict[str, float | None]:
+    return {
+        "depth_delay_s": depth_delay_s,
+        "depth_delay_s_sigma": 1e-4,
+        "line_delay_s": line_delay_s,
+        "line_delay_s_sigma": None,
+    }
+
+
+def test_delays_may_be_off_by_a_tenth(handheld: ModuleType) -> None:
+    right = handheld.delays("a", "vnav", reported(0.0219, 4.6e-5), TRUE)
+    assert not handheld.missed(right)
+    wrong = handheld.delays("a", "vnav", reported(0.0221, 4.4e-5), TRUE)
+    assert [m.quantity for m in handheld.missed(wrong)] == ["its error, ms", "its error, us"]
+
+
+def test_a_still_capture_has_no_delay_at_all(handheld: ModuleType) -> None:
+    none = dict.fromkeys(TRUE, 0.0)
+    assert not handheld.missed(handheld.delays("a", "vnav", reported(0.0, 0.0), none))
+    assert handheld.missed(handheld.delays("a", "vnav", reported(1e-4, 0.0), none))
+
+
+def test_the_sensors_model_must_gain_and_lose_no_frame(handheld: ModuleType) -> None:
+    def found(frames: int, off_m: float) -> list:
+        values = {"frames": 300, "frames with a pose": frames, "ATE RMSE": off_m}
+        return [handheld.Measurement("a", "vnav", name, value) for name, value in values.items()]
+
+    assert not handheld.missed(handheld.wanted_of(found(300, 0.0069), 0.01))
+    assert len(handheld.missed(handheld.wanted_of(found(299, 0.0071), 0.01))) == 2
+
+
+def test_the_truth_is_that_of_the_rendered_sensor(handheld: ModuleType) -> None:
+    assert handheld.true_delays(handheld.HANDHELD) == TRUE
+    assert handheld.true_delays(handheld.DEMO) == dict.fromkeys(TRUE, 0.0)

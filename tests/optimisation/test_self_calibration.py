@@ -1,0 +1,253 @@
+"""Keyframes of a furnished room by a sensor that moves, its depth late and its shutter rolling."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+
+from vnav.config import RegistrationConfig
+from vnav.core import se3
+from vnav.core.frame import Edge, Features
+from vnav.core.mapping import FrameFeatures
+from vnav.features.lifting import lift
+from vnav.optimisation.displacement import displacements, without_displacement
+from vnav.optimisation.feature_tracks import FeatureTracks
+from vnav.optimisation.observation_selection import ObservationSelection
+from vnav.optimisation.self_calibration import (
+    LARGEST,
+    SURE_SIGMAS,
+    UNKNOWN_SENSOR,
+    SensorCalibration,
+    calibrated,
+)
+from vnav.optimisation.sensor_errors import MovingSensor, SensorErrors
+from vnav.optimisation.sensor_model import Bundle, SensorModel
+from vnav.optimisation.solution_report import sensor_lines
+from vnav.synthetic import MINIATURE, Scene, one_room
+from vnav.synthetic.rendered_capture import camera_poses
+
+CAMERA = MINIATURE.camera
+CONFIG = RegistrationConfig()
+KEYFRAMES, POINTS = 8, 400
+PIXEL_SIGMA = 0.2
+TURN_RAD_PER_S, SPEED_M_PER_S = 1.5, 0.4
+ERRORS = SensorErrors(0.0, 0.02, 8e-5)  # 8e-5 s a row: 19 ms from the first to the last
+
+
+@dataclass
+class MovingScene:
+    """True poses (K, 4, 4), twists (K, 6), the pixels (K, P, 2) without errors, and the tracks."""
+
+    T_world_camera: np.ndarray
+    twists: np.ndarray
+    still_px: np.ndarray
+    tracks: FeatureTracks
+    sensor: MovingSensor
+
+    @property
+    def bundle(self) -> Bundle:
+        """True poses, points where the keyframes' own depth has them."""
+        rows = np.arange(len(self.tracks.seen))
+        points = self.tracks.points_world(self.T_world_camera, rows)
+        return Bundle(self.T_world_camera, points)
+
+    @property
+    def selection(self) -> ObservationSelection:
+        """All of them, with the noise of the settings."""
+        rows = np.flatnonzero(np.isfinite(self.bundle.points_world[self.tracks.seen.landmark, 0]))
+        model = SensorModel([CAMERA] * KEYFRAMES, CONFIG)
+        return ObservationSelection(rows, model, [], None, 0)
+
+
+def moving_scene(errors: SensorErrors, seed: int = 0, moves: float = 1.0) -> MovingScene:
+    """Every second frame's place of a walk; each camera turns and moves in a direction of its own.
+
+    ``moves``: times `TURN_RAD_PER_S` and `SPEED_M_PER_S`.
+    """
+    rng, room = np.random.default_rng(seed), one_room(0)
+    T = camera_poses(room, MINIATURE)[: 2 * KEYFRAMES : 2]
+    sizes = moves * np.repeat([TURN_RAD_PER_S, SPEED_M_PER_S], 3)
+    twists = sizes * rng.uniform(-1, 1, (KEYFRAMES, 6))
+    points = _points(room, T, rng)
+    keyframes, depths, still = [], [], []
+    for k in range(KEYFRAMES):
+        depth_m = room.render_depth(CAMERA, T[k] @ se3.exp(errors.depth_delay_s * twists[k]))
+        inverse = np.where(depth_m > 0, 1 / np.maximum(depth_m, 1e-3) + errors.depth_offset, np.inf)
+        depths.append((1 / inverse).astype(np.float32))
+        px = rolling_px(points, T[k], twists[k], errors.line_delay_s)
+        still.append(rolling_px(points, T[k], twists[k], 0.0))
+        seen = px + PIXEL_SIGMA * rng.standard_normal(px.shape)
+        keyframes.append(_frame(k, seen, depths[k], _visible(room, T[k], points)))
+    number = np.arange(POINTS)
+    matches = [
+        np.column_stack([np.full(POINTS, i), number, np.full(POINTS, j), number])
+        for i in range(KEYFRAMES)
+        for j in range(i + 1, KEYFRAMES)
+    ]
+    both = np.concatenate(matches).astype(np.int32)
+    seen_by = np.array([k.has_depth for k in keyframes])
+    both = both[seen_by[both[:, 0], both[:, 1]] & seen_by[both[:, 2], both[:, 3]]]
+    sensor = MovingSensor(keyframes, [CAMERA] * KEYFRAMES, twists, depths.__getitem__, CONFIG)
+    return MovingScene(T, twists, np.array(still), FeatureTracks(keyframes, both, sensor), sensor)
+
+
+def rolling_px(points: np.ndarray, T: np.ndarray, twist: np.ndarray, line_s: float) -> np.ndarray:
+    """Pixels (P, 2) where the row that sees a point is exposed just then."""
+    after_s = np.zeros(len(points))
+    for _ in range(20):
+        T_now = T @ se3.exp(after_s[:, None] * twist)
+        px = CAMERA.project(se3.transform(se3.inverse(T_now), points[:, None])[:, 0])
+        after_s = np.nan_to_num(line_s * (px[:, 1] - (CAMERA.height - 1) / 2))
+    return px
+
+
+def _points(room: Scene, T: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+    """World points (POINTS, 3) that the keyframes see, as many of each."""
+    found = []
+    for pose in T:
+        px = rng.integers([20, 20], [CAMERA.width - 20, CAMERA.height - 20], (POINTS // len(T), 2))
+        z = room.render_depth(CAMERA, pose)[px[:, 1], px[:, 0]]
+        found.append(se3.transform(pose, CAMERA.unproject(px, z)))
+    return np.concatenate(found)
+
+
+def _visible(room: Scene, T: np.ndarray, points: np.ndarray) -> np.ndarray:
+    """Which points (P,) nothing hides, well inside the image."""
+    inside = se3.transform(se3.inverse(T), points)
+    px = CAMERA.project(inside)
+    good = ((px > 15) & (px < np.array(CAMERA.size) - 16)).all(1)
+    x, y = np.rint(np.where(good[:, None], px, 0)).astype(int).T
+    z = room.render_depth(CAMERA, T)[y, x]
+    return good & (np.abs(inside[:, 2] / np.maximum(z, 1e-3) - 1) < 0.02)
+
+
+def _frame(row: int, px: np.ndarray, depth_m: np.ndarray, visible: np.ndarray) -> FrameFeatures:
+    n = len(px)
+    px = np.where(visible[:, None], np.nan_to_num(px), 0).astype(np.float32)
+    features = Features(px, np.zeros((n, 128)), np.ones(n), np.ones(n), np.zeros(n))
+    points = lift(px, depth_m, CAMERA, CONFIG)
+    points[~visible] = np.nan
+    return FrameFeatures(row, features, points)
+
+
+@pytest.fixture(scope="module")
+def delayed() -> MovingScene:
+    return moving_scene(ERRORS)
+
+
+def seen_with_depth(scene: MovingScene) -> np.ndarray:
+    """Which features (F,) have depth and are among those that were drawn inside the image."""
+    return np.isfinite(scene.tracks.points_camera[:, 2])
+
+
+def test_features_are_put_where_they_were_at_the_stamp(delayed: MovingScene) -> None:
+    without, _ = delayed.tracks.without(ERRORS)
+    known = seen_with_depth(delayed)
+    still = delayed.still_px.reshape(-1, 2)[known]
+    off = np.linalg.norm(without.seen.px[known] - still, axis=1)
+    before = np.linalg.norm(delayed.tracks.seen.px[known] - still, axis=1)
+    # A pixel's noise, whose length is 1.18 of its sigma in the median.
+    assert np.median(off) == pytest.approx(1.18 * PIXEL_SIGMA, rel=0.15)
+    assert np.median(before) > 3 * np.median(off)
+
+
+def test_depth_is_that_of_the_stamp(delayed: MovingScene) -> None:
+    without, _ = delayed.tracks.without(ERRORS)
+    known = seen_with_depth(delayed) & np.isfinite(without.points_camera[:, 2])
+    truth = moving_scene(SensorErrors())  # the same points by a sensor without errors
+    exact = 1 / truth.tracks.points_camera[known, 2]
+    late = np.abs(1 / delayed.tracks.points_camera[known, 2] - exact)
+    mended = np.abs(1 / without.points_camera[known, 2] - exact)
+    assert np.nanmedian(mended) < np.nanmedian(late) / 5
+
+
+@pytest.mark.parametrize("k", [0, 1, 2])
+def test_what_is_measured_grows_with_the_errors_as_told(delayed: MovingScene, k: int) -> None:
+    step = np.array([1e-4, 5e-4, 2e-6]) * (np.arange(3) == k)
+    here, by_error = delayed.tracks.without(ERRORS)
+    there, _ = delayed.tracks.without(SensorErrors(*(ERRORS.vector + step)))
+    sigmas = np.array([1, 1, CONFIG.depth_sigma_per_m2])
+    taken_off = np.column_stack(
+        [here.seen.px - there.seen.px, here.seen.inverse_depth - there.seen.inverse_depth]
+    )
+    known = np.isfinite(taken_off[:, 2])
+    told = (by_error @ step / sigmas)[known]
+    off = np.linalg.norm(taken_off[known] / sigmas - told, axis=1)
+    # Second order: a hundredth of a second at 1.5 rad/s.
+    assert np.median(off) < 0.05 * np.median(np.linalg.norm(told, axis=1))
+
+
+def test_both_delays_are_found(delayed: MovingScene) -> None:
+    sensor, _, bundle = calibrated(delayed.bundle, delayed.tracks, delayed.selection)
+    off = np.abs(sensor.errors.vector - ERRORS.vector)
+    assert (off[1:] < 0.1 * ERRORS.vector[1:]).all()
+    assert (off < 4 * sensor.sigmas).all()
+    true = delayed.T_world_camera
+    found = se3.inverse(bundle.T_world_camera[0]) @ bundle.T_world_camera
+    error = se3.inverse(se3.inverse(true[0]) @ true) @ found
+    assert np.linalg.norm(error[:, :3, 3], axis=1).max() < 0.01
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_a_sensor_without_delays_gets_none(seed: int) -> None:
+    scene = moving_scene(SensorErrors(), seed)
+    sensor, _, _ = calibrated(scene.bundle, scene.tracks, scene.selection)
+    assert not sensor.errors.delayed
+    # And it is known that they are smaller than those of a real sensor.
+    assert (SURE_SIGMAS * sensor.sigmas < [1, 0.01, 2e-5]).all()
+
+
+def test_a_camera_at_rest_tells_no_delay() -> None:
+    scene = moving_scene(ERRORS, moves=0.0)
+    sensor, _, _ = calibrated(scene.bundle, scene.tracks, scene.selection)
+    assert not sensor.errors.delayed
+
+
+def test_without_depth_images_no_delay_is_told(delayed: MovingScene) -> None:
+    tracks = delayed.tracks.at_rest()
+    sensor, _, _ = calibrated(delayed.bundle, tracks, delayed.selection)
+    assert not sensor.errors.delayed
+    assert np.isinf(sensor.sigmas[1:]).all()
+
+
+def test_a_delay_beyond_any_sensors_is_none() -> None:
+    scene = moving_scene(SensorErrors(line_delay_s=1.5 * LARGEST[2]))
+    sensor, _, _ = calibrated(scene.bundle, scene.tracks, scene.selection)
+    assert sensor.errors.line_delay_s == 0
+
+
+def test_the_offset_of_depth_is_found_beside_delays() -> None:
+    errors = SensorErrors(3e-4, 0.015, 6e-5)
+    scene = moving_scene(errors)
+    sensor, _, _ = calibrated(scene.bundle, scene.tracks, scene.selection)
+    assert (np.abs(sensor.errors.vector - errors.vector) < 4 * sensor.sigmas + [1e-4, 0, 0]).all()
+
+
+def test_edges_are_freed_of_what_delays_displace(delayed: MovingScene) -> None:
+    """Edges of the motion that fits two frames' points best, as these are measured."""
+    rows, T = np.arange(KEYFRAMES), delayed.T_world_camera
+    measured = delayed.tracks.points_camera.reshape(KEYFRAMES, POINTS, 3)
+    edges = []
+    for i, j in zip(rows[:-1].tolist(), rows[1:].tolist(), strict=True):
+        T_i_j = se3.inverse(T[i]) @ T[j]
+        both = np.isfinite(measured[i, :, 2]) & np.isfinite(measured[j, :, 2])
+        for _ in range(10):  # without what lies behind an edge of depth
+            fitted = se3.transform(T_i_j, measured[j])
+            near = np.linalg.norm(measured[i] - fitted, axis=1) < 0.1
+            T_i_j = se3.align(measured[i, both & near], measured[j, both & near])
+        edges.append(Edge(i, j, T_i_j, np.eye(6)))
+    displaced = displacements(delayed.sensor, ERRORS, delayed.twists, rows)
+
+    def off_rad(found: list[Edge]) -> float:
+        errors = [se3.inverse(se3.inverse(T[e.i]) @ T[e.j]) @ e.T_i_j for e in found]
+        return float(np.sqrt(np.mean(se3.rotation_angle(np.array(errors)) ** 2)))
+
+    assert off_rad(without_displacement(edges, displaced)) < 0.5 * off_rad(edges)
+
+
+def test_the_summary_tells_what_is_wrong_with_the_sensor() -> None:
+    found = SensorCalibration(SensorErrors(0.0, -0.0123, 5.2e-5), np.array([1e-4, 3e-4, 2e-6]))
+    depth, shutter = sensor_lines(found)
+    assert depth.startswith("depth is measured 12.3 ms (+- 0.3) before colour")
+    assert shutter.startswith("rolling shutter: 52.0 us (+- 2.0) a row")
+    assert not sensor_lines(UNKNOWN_SENSOR)

@@ -1,0 +1,89 @@
+"""What the sensor does wrong, found together with the bundle: self-calibration."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vnav.core.arrays import Array
+from vnav.optimisation.calibrating_step import calibrating_step
+from vnav.optimisation.feature_tracks import FeatureTracks
+from vnav.optimisation.observation_selection import ObservationSelection, move_unshared_points
+from vnav.optimisation.sensor_errors import SensorErrors
+from vnav.optimisation.sensor_model import Bundle
+
+PRIOR_SIGMAS = np.array([2e-4, 0.02, 5e-5])  # 3 mm at 4 m; a frame's half; a Kinect's line delay
+LARGEST = np.array([6e-4, 0.05, 1e-4])  # what is found beyond is no such error
+SURE_SIGMAS = np.array([0.0, 5.0, 5.0])  # with fewer from 0, a delay is not determined
+PASSES, STEPS = 8, 2  # a pass chooses its observations, and measures them without the errors
+CONVERGED_SIGMAS, CONVERGED_SHARE = 1.0, 0.03  # a pass that changes errors less is the last
+HELD = 1e-6  # times the prior's: noise of an error that is not free
+
+
+@dataclass(frozen=True)
+class SensorCalibration:
+    """The sensor's errors, and their standard deviations (3,) in the same order.
+
+    Those of an error that is 0 say what it would have had to exceed; infinite where nothing tells.
+    """
+
+    errors: SensorErrors
+    sigmas: Array
+
+
+UNKNOWN_SENSOR = SensorCalibration(SensorErrors(), np.full(3, np.inf))
+Calibrated = tuple[SensorCalibration, FeatureTracks, Bundle]
+
+
+def calibrated(
+    bundle: Bundle, tracks: FeatureTracks, selection: ObservationSelection
+) -> Calibrated:
+    """Those errors of the sensor that the images determine; tracks and bundle without them.
+
+    A delay is determined where it is at least `SURE_SIGMAS` from 0. What is found beyond `LARGEST`
+    is no such error: the data err otherwise. Either is 0 while the others are found again.
+
+    Depth by triangulation, from structured light or stereo, errs by an offset of its disparity.
+    That bends what is far against what is near, as no scale would, and landmarks seen from several
+    places show it: c0 of Herrera, Kannala, Heikkila 2012, "Joint depth and color camera calibration
+    with distortion correction". A rolling shutter skews what a turning camera sees: Hedborg et al.
+    2012, "Rolling shutter bundle adjustment". Late depth is of another view than colour's.
+    """
+    free = np.array([True, *[tracks.sensor is not None] * 2])
+    errors, sigmas = np.zeros(3), np.where(free, PRIOR_SIGMAS, np.inf)
+    while True:
+        measured = tracks if free[1:].any() else tracks.at_rest()
+        sensor, without, bundle = _converged(bundle, measured, selection, free, errors)
+        errors, sigmas = sensor.errors.vector, np.where(free, sensor.sigmas, sigmas)
+        size = np.abs(errors)
+        kept = free & (size < LARGEST) & (size >= SURE_SIGMAS * sigmas)
+        if (kept == free).all():
+            return SensorCalibration(sensor.errors, sigmas), without, bundle
+        free, errors = kept, np.where(kept, errors, 0.0)
+
+
+def _converged(
+    bundle: Bundle,
+    measured: FeatureTracks,
+    selection: ObservationSelection,
+    free: NDArray[np.bool_],
+    errors: Array,
+) -> Calibrated:
+    """The free errors, found in passes from those given, and the tracks without them."""
+    priors = np.where(free, PRIOR_SIGMAS, HELD * PRIOR_SIGMAS)
+    tracks, by_error = measured.without(SensorErrors(*errors.tolist()))
+    for _ in range(PASSES):
+        before, noise = errors, selection.noise(bundle, tracks)
+        inliers = selection.inliers(bundle, tracks, noise)
+        rows = tracks.long(tracks.shared(inliers))
+        problem = selection.problem(tracks.seen[rows], noise)
+        for _ in range(STEPS):
+            step = calibrating_step(bundle, problem, by_error[rows], -errors, priors)
+            bundle, errors = step.bundle, errors + step.change * free
+            problem = problem.measured_less(by_error[rows] @ step.change)
+        tracks, by_error = measured.without(SensorErrors(*errors.tolist()))
+        bundle = move_unshared_points(bundle, tracks, inliers, rows)
+        enough = np.maximum(CONVERGED_SIGMAS * step.sigmas, CONVERGED_SHARE * np.abs(errors))
+        if (np.abs(errors - before) <= enough).all() or (np.abs(errors) > LARGEST).any():
+            break
+    return SensorCalibration(SensorErrors(*errors.tolist()), step.sigmas), tracks, bundle
