@@ -37,6 +37,7 @@ def place_in_world(
         solution.adjusted.covariance,
         dataclasses.replace(landmarks, points_world=points),
         world,
+        solution.adjusted.sensor.errors.depth_delay_s,
     )
 
 

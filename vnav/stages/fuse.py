@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 
 from vnav.config import Config, FuseConfig
+from vnav.core import se3
 from vnav.core.grid import FREE, OCCUPIED, UNKNOWN, Grid
 from vnav.core.mapping import World
 from vnav.core.progress import Progress, silent
@@ -16,6 +17,7 @@ from vnav.io.formats.ply import write_cloud, write_mesh
 from vnav.io.store.artifacts import load_keyframe, load_odometry, load_optimised
 from vnav.io.store.map_folder import MapFolder
 from vnav.io.store.stage_reports import clock, finished, reused, settings_of
+from vnav.optimisation.camera_motion import velocities
 from vnav.planning.projection import project
 from vnav.threads import one_blas_thread
 from vnav.volumes.fusion import FusedVolumes, PosedFrame, fuse
@@ -52,11 +54,16 @@ def run(folder: MapFolder, config: Config, *, progress: Progress = silent) -> Re
 
 
 class PosedFrames:
-    """The keyframes of a map that have a pose, read one at a time."""
+    """The keyframes of a map that have a pose, read one at a time.
+
+    The pose is that of the camera as it measured depth.
+    """
 
     def __init__(self, folder: MapFolder) -> None:
-        odometry = load_odometry(folder)
-        poses = load_optimised(folder).T_world_camera
+        odometry, optimised = load_odometry(folder), load_optimised(folder)
+        poses = optimised.T_world_camera
+        later = optimised.depth_delay_s * velocities(poses, odometry.frames)
+        poses = poses @ se3.exp(later)
         self._folder, self._frames, self._poses = folder, odometry.frames, poses
         rows = odometry.keyframe_rows
         self._rows = rows[np.isfinite(poses[rows]).all((1, 2))].tolist()

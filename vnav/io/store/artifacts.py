@@ -171,6 +171,7 @@ def save_optimised(draft: Path, result: OptimisedMap) -> None:
         draft / "map.npz",
         T_world_camera=result.T_world_camera,
         keyframe_covariance=result.keyframe_covariance,
+        depth_delay_s=np.array(result.depth_delay_s),
         **vars(result.landmarks),
     )
     write_text(draft / "world.json", to_json(vars(result.world)))
@@ -181,8 +182,9 @@ def load_optimised(folder: MapFolder) -> OptimisedMap:
     stage = folder.stage("optimise")
     arrays = _load(stage / "map.npz")
     poses, covariance = arrays.pop("T_world_camera"), arrays.pop("keyframe_covariance")
+    delay_s = float(arrays.pop("depth_delay_s", 0.0))
     world = World(**_load_json(stage / "world.json"))
-    return OptimisedMap(poses, covariance, Landmarks(**arrays), world)
+    return OptimisedMap(poses, covariance, Landmarks(**arrays), world, delay_s)
 
 
 def edges_to_arrays(edges: Iterable[Edge]) -> Arrays:
