@@ -31,7 +31,7 @@ from vnav.volumes.octree import Leaves, Octree
 Array = NDArray[np.float64]
 
 WALKERS = {0.0: 0, 0.10: 2, 0.20: 3, 0.35: 4}  # by the share of the pixels that they cover
-FRAMES = {"one_room": 150, "apartment": 250}
+FRAMES = {"one_room": 150, "apartment": 300}
 TIMES_ATE, TIMES_GHOSTS = 1.5, 1.2  # of the walk without people
 FAR_M = 0.05  # from any true surface
 AT_ONCE = 1000  # points

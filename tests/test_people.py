@@ -13,8 +13,9 @@ from vnav.synthetic import MINIATURE, SCENES, write_capture
 from vnav.synthetic.figure import Posture, dressed
 from vnav.synthetic.masks import moving_around, read_moving_masks
 from vnav.synthetic.people import Peopled, walkers_share
-from vnav.synthetic.places import CLEARANCE_M, MOVES, NET_M
+from vnav.synthetic.places import CLEARANCE_M, MOVES, NET_M, net_of
 from vnav.synthetic.rendered_capture import camera_poses, with_walkers
+from vnav.synthetic.sights import FILLED, covered, sight_of
 from vnav.synthetic.strolls import STAND, STEP_S, WALK, stroll
 
 CAMERA = MINIATURE.camera.scaled(80, 60)
@@ -192,3 +193,17 @@ def test_the_share_is_that_of_the_pixels(people: Peopled) -> None:
     away = np.tile(camera_poses(people, SPEC)[:1], (3, 1, 1))
     away[:, 2, 3] = 30.0  # above the roof
     assert walkers_share(people, CAMERA, away) == 0
+
+
+def test_what_a_place_covers_is_foreseen_and_others_are_allowed_for(people: Peopled) -> None:
+    net, T = net_of(people.scene), camera_poses(people, SPEC)[20]
+    sight = sight_of(people.scene, net, CAMERA, T)
+    alone, first = covered(sight, [])
+    assert alone == 0
+    node = np.array(np.unravel_index(first.argmax(), first.shape))
+    theirs, second = covered(sight, [node])
+    assert theirs == pytest.approx(first.max())
+    # Who stands where somebody stands already adds only what the first left uncovered.
+    assert second[tuple(node)] == pytest.approx((1 - FILLED) * first.max())
+    assert (second <= first + 1e-12).all()
+    assert (first[~net.free] == 0).all()

@@ -12,12 +12,14 @@ from numpy.typing import NDArray
 
 from vnav.errors import CaptureError
 from vnav.synthetic.places import MOVES, Net
+from vnav.synthetic.sights import Sight, covered
 from vnav.synthetic.strolls import SIT, WALK, Stroll, stroll
 
 Array = NDArray[np.float64]
 SLOW = np.hypot(*MOVES.T) < 1.5  # into and out of a pause
 HEADING_RAD = np.arctan2(*MOVES.T)
-APART_M = 0.7  # from the camera and from each other
+CAMERA_M = 0.8  # from the camera
+APART_M = 0.5  # from each other
 TOO_NEAR = 10.0  # cost, in squared shares of the view
 TURN = 0.004  # cost of a right angle
 SHARP_RAD = 1.9  # turns beyond take two steps
@@ -25,22 +27,26 @@ ROUNDS = 3  # in which each walker is planned again, given the others
 
 
 def draw_strolls(
-    net: Net, shares: Array, camera_xy: Array, wanted: Array, schedules: Sequence[list[int]]
+    net: Net,
+    sights: Sequence[Sight],
+    camera_xy: Array,
+    wanted: Array,
+    schedules: Sequence[list[int]],
 ) -> list[Stroll]:
     """One way for each schedule of K - 1 intervals.
 
-    ``shares`` (K, R, C): what somebody covers of the view at a node, ``camera_xy`` (K, 2),
-    ``wanted`` (K,) of all together.
+    ``sights`` (K) and ``camera_xy`` (K, 2) of the camera; ``wanted`` (K,): the share of the view
+    that all together should cover.
     """
     ways: dict[int, NDArray[np.intp]] = {}
-    steps = np.arange(len(wanted))
     for turn in range(ROUNDS * len(schedules)):
         k = turn % len(schedules)
         others = [way for other, way in ways.items() if other != k]
-        theirs = sum((shares[steps, *way.T] for way in others), np.zeros(len(wanted)))
         part = wanted * min(1.0, (turn + 1) / len(schedules))
-        cost = (theirs[:, None, None] + shares - part[:, None, None]) ** 2
-        cost += _crowding(net, [camera_xy, *(net.xy[*way.T] for way in others)])
+        seen = [covered(sight, [way[t] for way in others]) for t, sight in enumerate(sights)]
+        cost = np.array([(theirs + own - part[t]) ** 2 for t, (theirs, own) in enumerate(seen)])
+        cost += _crowding(net, camera_xy, CAMERA_M)
+        cost += sum(_crowding(net, net.xy[*way.T], APART_M) for way in others)
         ways[k] = best_way(net, schedules[k], cost)
     return [
         stroll(net.xy[*ways[k].T], kinds, net.seats[*ways[k].T])
@@ -105,11 +111,9 @@ def _turn_costs() -> Array:
     return np.asarray(cost[..., None, None])
 
 
-def _crowding(net: Net, ways: list[Array]) -> Array:
-    """Cost (K, R, C) of nodes near to where others are then, a step before or a step after."""
-    found = np.zeros((len(ways[0]), *net.free.shape))
-    for way in ways:
-        for shift in (-1, 0, 1):
-            at = way[np.clip(np.arange(len(way)) + shift, 0, len(way) - 1)]
-            found += TOO_NEAR * (np.linalg.norm(net.xy - at[:, None, None], axis=-1) < APART_M)
-    return found
+def _crowding(net: Net, way: Array, apart_m: float) -> Array:
+    """Cost (K, R, C) of nodes near to a way (K, 2), then, a step before or a step after."""
+    steps = np.arange(len(way))
+    ats = [way[np.clip(steps + shift, 0, len(way) - 1), None, None] for shift in (-1, 0, 1)]
+    near = [np.linalg.norm(net.xy - at, axis=-1) < apart_m for at in ats]
+    return np.asarray(TOO_NEAR * np.sum(near, 0))

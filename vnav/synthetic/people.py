@@ -10,14 +10,14 @@ from vnav.core.camera import Intrinsics
 from vnav.errors import CaptureError
 from vnav.synthetic.crowd import draw_strolls
 from vnav.synthetic.figure import Figure, dressed
-from vnav.synthetic.places import covered, net_of
+from vnav.synthetic.places import net_of
 from vnav.synthetic.raycast import Rectangles, Textures, color_of, depth_of, nearest_of, pyramids
 from vnav.synthetic.scene import Scene
+from vnav.synthetic.sights import sight_of
 from vnav.synthetic.strolls import STEP_S, Stroll, schedule
 
 Array = NDArray[np.float64]
 VIEW_WIDTH = 80  # pixels of the images that shares are measured in
-FILLED = 0.65  # of its upright rectangle a body fills about that much
 WAVE, WAVE_S = 0.4, 8.0  # the wanted share comes and goes by this much of itself
 TRIES, CLOSE, ENOUGH = 6, 0.05, 0.2  # relative error of the share: done at once, at most
 
@@ -101,10 +101,10 @@ def peopled(
     schedules = [schedule(len(T) - 1, n % 2 == 1, rng) for n in range(count)]
     wave = 1 + WAVE * np.sin(2 * np.pi * (np.arange(len(T)) * STEP_S / WAVE_S + rng.random()))
     net = net_of(scene)
-    shares = np.array([covered(scene, net, view, pose) for pose in T])
-    found, aim = [], share / FILLED
+    sights = [sight_of(scene, net, view, pose) for pose in T]
+    found, aim = [], share
     for _ in range(TRIES):
-        strolls = draw_strolls(net, shares, T[:, :2, 3], aim * wave / wave.mean(), schedules)
+        strolls = draw_strolls(net, sights, T[:, :2, 3], aim * wave / wave.mean(), schedules)
         people = Peopled(scene, tuple(map(Walker, figures, strolls)))
         reached = walkers_share(people, view, T)
         found.append((abs(reached / share - 1), people))

@@ -1,4 +1,4 @@
-"""Where people can stand and sit in a scene, and what a camera sees of them there."""
+"""Where people can stand and sit in a scene."""
 
 from dataclasses import dataclass
 
@@ -6,8 +6,6 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from vnav.core import se3
-from vnav.core.camera import Intrinsics
 from vnav.core.grid import FREE
 from vnav.synthetic.scene import Box, Scene
 
@@ -19,8 +17,6 @@ MOVES = np.array(  # nodes along y and x in one step of half a second: 0.56 to 1
 GRID_M = 0.05
 CLEARANCE_M = 0.25  # from the middle of a body to what stands around
 BODY_M = 0.05, 1.9  # heights that it takes
-WIDTH_M, HEIGHT_M = 0.42, 1.7  # of what it covers
-NEAREST_M = 0.2
 SEAT_M = 0.38, 0.52  # heights to sit on
 FEET_M = 0.2, 0.5  # in front of a seat's edge, where somebody may stand who wants to sit down
 SEATED_FEET_M = 0.28
@@ -76,23 +72,3 @@ def _feet(box: Box, own: Array) -> Array:
     feet = np.column_stack([np.full(len(own), box.size[0] / 2 + SEATED_FEET_M), own[:, 1]])
     at = feet @ box.R_world_box[:2, :2].T + box.centre[:2]
     return np.column_stack([at, np.full(len(own), box.yaw_rad)])
-
-
-def covered(scene: Scene, net: Net, view: Intrinsics, T_world_camera: Array) -> Array:
-    """Share of the view (R, C) that an upright rectangle at each node covers, facing the camera."""
-    depth_m = scene.render_depth(view, T_world_camera)
-    depth_m = np.where(depth_m > 0, depth_m, np.inf)
-    right = T_world_camera[:2, 0] / np.hypot(*T_world_camera[:2, 0])
-    shares = np.zeros(net.free.shape)
-    for node in np.argwhere(net.free):
-        at = net.xy[tuple(node)]
-        corners = [
-            [*(at + side * WIDTH_M / 2 * right), z] for side in (-1, 1) for z in (0, HEIGHT_M)
-        ]
-        points = se3.transform(se3.inverse(T_world_camera), np.array(corners))
-        if points[:, 2].mean() > NEAREST_M:
-            points[:, 2] = np.maximum(points[:, 2], NEAREST_M)
-            px = np.clip(np.rint(view.project(points)), 0, view.size).astype(int)
-            (x0, y0), (x1, y1) = px.min(0), px.max(0)
-            shares[tuple(node)] = (depth_m[y0:y1, x0:x1] > points[:, 2].mean()).sum()
-    return shares / (view.width * view.height)
