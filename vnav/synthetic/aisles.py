@@ -47,11 +47,11 @@ ALONG_ONE_SIDE = closed_tour(
 def library(seed: int) -> Scene:
     """An aisle between two rows of identical shelves, each of the same books period by period.
 
-    Steel boards and a table top are bare. The floor, what is at the ends of the aisle and a card
-    on each shelf look like nothing else.
+    Steel boards and a table top are bare. The floor and a board on each shelf look like nothing
+    else, but faintly; so does what is at the ends of the aisle.
     """
     pieces = [
-        *floor_and_ceiling(*BOUNDS[:4], "planks"),
+        *floor_and_ceiling(*BOUNDS[:4], "plaster"),
         *_ends(),
         wall((0, 0), (LENGTH_M, 0), "wallpaper"),
         wall((0, WIDTH_M), (LENGTH_M, WIDTH_M), "wallpaper"),
@@ -59,7 +59,7 @@ def library(seed: int) -> Scene:
         placed([block(0, 0, 0.69, (0.8, 1.4, 0.05), "bare")], LENGTH_M - 0.6, 1.6, 180),
     ]
     for y, yaw_deg in ((EDGE, 90), (WIDTH_M - EDGE, -90)):
-        pieces += _row_of_shelves(period_of(seed), y, yaw_deg, "books")
+        pieces += _row_of_shelves(period_of(seed), y, yaw_deg, "books", "plaster")
     return Scene(tuple(pieces), BOUNDS, ALONG_BOTH_SIDES, seed)
 
 
@@ -90,7 +90,7 @@ def supermarket(seed: int) -> Scene:
         floor_and_ceiling(*BOUNDS[:4], "bare")[1],
         *_ends(),
         wall((0, WIDTH_M), (LENGTH_M, WIDTH_M), "bare"),
-        *_row_of_shelves(period_of(seed), WIDTH_M - EDGE, -90, "carton"),
+        *_row_of_shelves(period_of(seed), WIDTH_M - EDGE, -90, "carton", "painting"),
         *(placed(hung(0.6, 0.8, 1.1, "painting"), x, EDGE, 90) for x in np.arange(0.8, 7.5, 1.3)),
     ]
     across, along, up = (int(size / TILE_M) for size in (WIDTH_M, LENGTH_M, HEIGHT_M))
@@ -123,17 +123,19 @@ def _plain_wall(x: float, y: float, length_m: float, yaw_deg: float) -> Piece:
     return placed([block(0, 0, 0, (WALL_M, length_m, HEIGHT_M), "bare")], x, y, yaw_deg)
 
 
-def _row_of_shelves(period_m: float, y: float, yaw_deg: float, front: str) -> list[Piece]:
-    """Identical shelves along the wall at y, with a card of its own on each."""
+def _row_of_shelves(
+    period_m: float, y: float, yaw_deg: float, front: str, card: str
+) -> list[Piece]:
+    """Identical shelves along the wall at y, a card on each; what they stand on is out of view."""
     columns = round(SHELF_M / period_m)
-    pitch_m = columns * period_m + 2 * BOARD_M
+    pitch_m = columns * period_m
     inwards = np.sin(np.deg2rad(yaw_deg))
     pieces: list[Piece] = []
     for k in range(SHELVES):
         x = LENGTH_M / 2 + (k - (SHELVES - 1) / 2) * pitch_m
         pieces += _shelf(period_m, columns, x, y + inwards * DEPTH_M / 2, yaw_deg, front)
-        card = hung(0.36, 0.46, 1.1, "painting")
-        pieces.append(placed(card, x, y + inwards * DEPTH_M, yaw_deg))
+        hangs = hung(0.36, 0.46, 1.1, card)
+        pieces.append(placed(hangs, x, y + inwards * DEPTH_M, yaw_deg))
     return pieces
 
 
@@ -148,15 +150,11 @@ def _shelf(
 
 
 def _frame(width_m: float) -> list[Box]:
-    """Boards, sides and a back of painted steel, open in front, around an inner width."""
+    """Boards and a back of painted steel."""
     height = ROWS * ROW_M + BOARD_M
     boards = [block(0, 0, k * ROW_M, (DEPTH_M, width_m, BOARD_M), "bare") for k in range(ROWS + 1)]
-    sides = [
-        block(0, s * (width_m + BOARD_M) / 2, 0, (DEPTH_M, BOARD_M, height), "bare")
-        for s in (-1, 1)
-    ]
     back = block(0.01 - DEPTH_M / 2, 0, 0, (0.02, width_m, height), "bare")
-    return [*boards, *sides, back]
+    return [*boards, back]
 
 
 def _column(offset_m: float, width_m: float, front: str) -> list[Box]:

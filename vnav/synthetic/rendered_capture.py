@@ -31,6 +31,7 @@ from vnav.synthetic.strolls import STEP_S
 UNITS_PER_METRE = 5000
 FIRST_STAMP_S = 1000.0
 DEPTH_LAG_S = 0.004  # the depth camera exposes a little later; what it sees is written as of now
+PACE_S = 1.6  # a walk of uneven steps quickens and slows once in that time
 GRID_M = 0.05
 OBSTACLES_M = 0.10, 1.40  # what stands between these heights is in the way
 PHOTO_CLEARANCE_M = 0.4
@@ -57,6 +58,7 @@ class CaptureSpec:
     pan_s: float = 2.0  # there and back
     walkers: int = 0
     walker_share: float = 0.2
+    uneven: float = 0.0  # share by which the step from frame to frame grows and shrinks
     seed: int = 0
     sensor: Sensor = Sensor()
     name: str = "capture"  # of its folder in the cache
@@ -156,6 +158,8 @@ def _poses(
     scene: Scene | Peopled, spec: CaptureSpec, at: NDArray[np.float64]
 ) -> NDArray[np.float64]:
     """T_world_camera (M, 4, 4) at numbers of frames, between frames too."""
+    turns_per_frame = 2 * np.pi / (PACE_S * spec.rate_hz)
+    at = at + spec.uneven * (1 - np.cos(turns_per_frame * at)) / turns_per_frame
     hand = Hand(spec.height_m, spec.pitch_deg, spec.pan_deg, spec.pan_s * spec.rate_hz)
     return walk(np.array(scene.tour), spec.frames, hand, _rng(spec, 0), at)
 
