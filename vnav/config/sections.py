@@ -188,6 +188,10 @@ class OdometryConfig(Section, path="odometry"):
         "frames",
         "largest number in a row that their pixels hold, but not in every direction",
     )
+    against_map: bool = flag(
+        False,
+        "frames are also tracked against all keyframes that see the same, by patches of 8 pixels",
+    )
 
 
 @dataclass(frozen=True)

@@ -54,6 +54,12 @@ class ConstantVelocity:
         T_target_start = se3.inverse(self._T_start_camera[target])
         return np.asarray(T_target_start @ T_start_last @ self._T_last_next)
 
+    def between(self, i: int, j: int) -> Array | None:
+        """``T_i_j`` of two frames; None where not both are of this track."""
+        if not (i in self._T_start_camera and j in self._T_start_camera):
+            return None
+        return np.asarray(se3.inverse(self._T_start_camera[i]) @ self._T_start_camera[j])
+
 
 def _scaled(step: Array, steps: float) -> Array:
     """A motion a number of times, turning and moving evenly."""

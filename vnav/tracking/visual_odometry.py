@@ -15,6 +15,7 @@ from vnav.registration.dense import DenseEstimate
 from vnav.tracking.dense_tracking import DenseTracker
 from vnav.tracking.feature_tracking import FeatureTracker, are_degenerate
 from vnav.tracking.keyframes import Keyframes, is_new_view
+from vnav.tracking.map_tracking import MapTracker
 from vnav.tracking.motion import ConstantVelocity
 
 
@@ -27,6 +28,7 @@ class VisualOdometry:
         self._keyframes = Keyframes(config.odometry)
         self._features = FeatureTracker(config, self._keyframes, self._motion)
         self._dense = DenseTracker(config)
+        self._map = MapTracker(config, self._motion)
         self._edges: list[Edge] = []
         self._degenerate_edges: list[Edge] = []
         self._reasons: dict[int, str] = {}
@@ -44,12 +46,14 @@ class VisualOdometry:
             self.skip(current.row, f"{count} features with depth")
             return False
         degenerate = self._record(current.row, estimates, dense)
+        self._edges += self._map.track(current.row, frame, camera)
         self._dense.remember(current.row, frame, degenerate)
         is_keyframe = has_features and not degenerate and self._is_keyframe(estimates)
         if has_features:
             self._features.previous = current
         if is_keyframe:
             self._keyframes.append(current)
+            self._map.add(current, frame, estimates)
         return is_keyframe
 
     def skip(self, row: int, reason: str) -> None:

@@ -1,0 +1,101 @@
+"""Frames tracked against the keyframes that see the same, by patches: 003 cl.3, cl.4, S2."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vnav.config import Config
+from vnav.core import se3
+from vnav.core.arrays import Array
+from vnav.core.camera import Intrinsics
+from vnav.core.frame import Edge, Features, Frame, PoseEstimate
+from vnav.core.mapping import FrameFeatures
+from vnav.features.lifting import lift
+from vnav.registration.correspondences import Correspondences
+from vnav.registration.estimation import refine_motion
+from vnav.registration.image_filters import exposure_gain
+from vnav.tracking.local_map import LocalMap, VisiblePoints, grey_image
+from vnav.tracking.motion import ConstantVelocity
+from vnav.tracking.patch_alignment import affine_warp, align_patches
+
+GAIN_STRIDE_PX = 8  # between the pixels that tell how much brighter an image is
+
+
+class MapTracker:
+    """Holds the current frame against the local map, near the pose that it has been given."""
+
+    def __init__(self, config: Config, motion: ConstantVelocity) -> None:
+        self._config = config
+        self._motion = motion
+        self._map = LocalMap(config.registration.depth_sigma_per_m2)
+
+    def add(
+        self, keyframe: FrameFeatures, frame: Frame, estimates: dict[int, PoseEstimate]
+    ) -> None:
+        """Take a new keyframe; ``estimates``: its motions from earlier frames, by their rows."""
+        if self._config.odometry.against_map:
+            self._map.add(keyframe, frame, estimates)
+
+    def track(self, row: int, frame: Frame, camera: Intrinsics) -> list[Edge]:
+        """An edge to a frame whose pose is known, from the nearest keyframe that sees the same.
+
+        All patches that are found again tell it together. Empty where too few are, or where the
+        setting is off.
+        """
+        if not self._config.odometry.against_map:
+            return []
+        found = _aligned(self._map.visible(self._poses_from(row), camera), frame, camera)
+        estimate = self._refined(found, row, frame, camera) if found else None
+        if estimate is None:
+            return []
+        for points in found:
+            self._map.count_matched(points.keyframe, points.rows)
+        return [Edge(found[0].keyframe.row, row, estimate.T_a_b, estimate.information)]
+
+    def _poses_from(self, row: int) -> dict[int, Array]:
+        """How the frame stands to the keyframes of its track, by their rows."""
+        rows = [keyframe.row for keyframe in self._map.keyframes]
+        T_camera_keyframe = {k: self._motion.between(row, k) for k in rows}
+        return {k: T for k, T in T_camera_keyframe.items() if T is not None}
+
+    def _refined(
+        self, found: list[VisiblePoints], row: int, frame: Frame, camera: Intrinsics
+    ) -> PoseEstimate | None:
+        """The pose from the nearest keyframe, by robust reprojection and inverse depth."""
+        T_camera_a, a_row = found[0].T_camera_keyframe, found[0].keyframe.row
+        T_a_camera, points_a = se3.inverse(T_camera_a), []
+        for of in found:
+            points = of.keyframe.frame.points_camera[of.rows]
+            points_a.append(se3.transform(T_a_camera @ of.T_camera_keyframe, points))
+        px = np.concatenate([of.px for of in found])
+        config, farthest = self._config.registration, self._config.odometry.max_depth_m
+        near = np.where(frame.depth_m <= farthest, frame.depth_m, np.float32(0))
+        a = _undescribed(a_row, px, np.concatenate(points_a))
+        b = _undescribed(row, px, lift(px.astype(np.float32), near, camera, config))
+        matches = np.repeat(np.arange(len(px), dtype=np.int32)[:, None], 2, 1)
+        correspondences = Correspondences(a, b, matches, (camera, camera), config)
+        estimate = refine_motion(T_a_camera, correspondences, config)
+        return estimate if isinstance(estimate, PoseEstimate) else None
+
+
+def _aligned(seen: list[VisiblePoints], frame: Frame, camera: Intrinsics) -> list[VisiblePoints]:
+    """The points whose patches are found in the frame, with the pixels where: S24 to S252."""
+    grey = grey_image(frame)
+    found = [_found(points, grey, camera) for points in seen]
+    return [points for points in found if len(points.rows)]
+
+
+def _found(points: VisiblePoints, grey: Array, camera: Intrinsics) -> VisiblePoints:
+    keyframe, T = points.keyframe, points.T_camera_keyframe
+    px = keyframe.frame.features.keypoints_px[points.rows].astype(np.float64)
+    warp = affine_warp(T, px, keyframe.surface[points.rows], camera)
+    few = slice(None, None, GAIN_STRIDE_PX)
+    gain = exposure_gain(keyframe.grey[few, few], grey[few, few])
+    found_px = align_patches(keyframe.grey, grey, px, points.px, warp, gain)
+    return VisiblePoints(keyframe, points.rows, found_px, T).only(np.isfinite(found_px[:, 0]))
+
+
+def _undescribed(row: int, px: Array, points_camera: Array | NDArray[np.float32]) -> FrameFeatures:
+    """Pixels (N, 2) with their 3D points (N, 3), which are matched already."""
+    none, count = np.zeros(len(px), np.float32), len(px)
+    features = Features(px.astype(np.float32), np.zeros((count, 0), np.uint8), none, none, none)
+    return FrameFeatures(row, features, points_camera.astype(np.float32))
