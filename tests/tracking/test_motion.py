@@ -64,3 +64,9 @@ def test_nothing_is_predicted_of_another_track() -> None:
     motion.update(2, {})
     assert motion.predicted(1) is None
     assert motion.predicted(2) is not None
+
+
+def test_the_next_frame_is_expected_where_the_motion_leads_or_where_the_camera_is() -> None:
+    going_on, resting = after_two_frames().expected
+    np.testing.assert_allclose(going_on, STEP @ STEP, atol=1e-9)
+    np.testing.assert_allclose(resting, STEP, atol=1e-9)

@@ -10,6 +10,7 @@ from vnav.core import se3
 from vnav.core.camera import Intrinsics
 from vnav.core.frame import Features, Frame
 from vnav.core.mapping import FrameFeatures, FrameTable, Odometry
+from vnav.core.reduced_frame import reduced
 from vnav.features import front_end
 from vnav.features.lifting import lift
 from vnav.io.formats.trajectories import read_tum
@@ -34,7 +35,7 @@ def tracked(frames: list[Frame], camera: Intrinsics, features_of_4: int) -> Odom
             features = first(features, features_of_4)
         px = features.keypoints_px
         points = lift(px, frame.depth_m, camera, CONFIG.registration)
-        odometry.add(FrameFeatures(row, features, points), frame, camera)
+        odometry.add(FrameFeatures(row, features, points), frame, reduced(frame))
     rows = np.arange(FRAMES, dtype=np.int32)
     return odometry.result(FrameTable(np.zeros_like(rows), rows, rows / 30.0))
 

@@ -113,13 +113,15 @@ class Edge:
 class PoseEstimate:
     """How camera b stands to camera a, from matched features.
 
-    ``inliers`` (M, 2): rows of a's and b's features that agree; ``information`` as in `Edge`.
+    ``inliers`` (M, 2): rows of a's and b's features that agree; ``information`` and
+    ``probability`` as in `Edge`.
     """
 
     T_a_b: NDArray[np.float64]
     information: NDArray[np.float64]
     inliers: NDArray[np.int32]
     matches: int
+    probability: float = 1.0
 
     @property
     def inlier_share(self) -> float:

@@ -1,5 +1,7 @@
 """Descriptor matching by the ratio test."""
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -28,6 +30,10 @@ class DescriptorMatcher:
 
         limit = self._config.max_distance * ROOT_SCALE
         return match_guided(a, b, predicted_px, radius_px, self._config.ratio, limit)
+
+    def without_ratio(self) -> "DescriptorMatcher":
+        """A matcher that takes the nearest however near the second nearest is."""
+        return DescriptorMatcher(replace(self._config, ratio=1.0))
 
 
 def match(a: Features, b: Features, ratio: float, mutual: bool = True) -> NDArray[np.int32]:

@@ -31,12 +31,14 @@ WELL_CONSTRAINED = 100.0  # times the prediction's information, in every directi
 class DenseEstimate:
     """How camera b stands to a, from all pixels and a prediction; ``information`` as in `Edge`.
 
-    ``well_constrained``: the images fix every direction, and the prediction decides none.
+    ``well_constrained``: the images fix every direction, and the prediction decides none;
+    ``probability`` as in `Edge`.
     """
 
     T_a_b: Array
     information: Array
     well_constrained: bool
+    probability: float = 1.0
 
 
 def align(

@@ -28,6 +28,7 @@ MAX_SAMPLES = 3000  # pixels of a frame that are asked
 CORRELATED = 9.0  # pixels of a reduced frame that err alike: so many count for one
 WRONG = 0.05  # share of pixels that a right motion does not explain, and of cells
 GREY_SIGMA = 3.0  # of a block's brightness: by noise, and by reflections, which do not average out
+SAME = 0.5  # of what an inlier may be off: where two motions are one
 BLUR_PX = 1.0  # of the brightness, which is interpolated
 TINY = 1e-12
 MAX_Z = 20.0  # sums of votes in standard deviations; more does not fit a number
@@ -85,7 +86,7 @@ def are_same(a: ReducedFrame, T_a_b: Array, U_a_b: Array, config: RegistrationCo
     first, second = (se3.transform(se3.inverse(motion), points) for motion in (T_a_b, U_a_b))
     apart = np.linalg.norm(a.intrinsics.project(first) - a.intrinsics.project(second), axis=1)
     farther = np.abs(1 / first[:, 2] - 1 / second[:, 2])
-    limits = config.ransac_threshold_px / BLOCK_PX, SEEN_SIGMAS * config.depth_sigma_per_m2
+    limits = SAME * config.ransac_threshold_px / BLOCK_PX, SEEN_SIGMAS * config.depth_sigma_per_m2
     same = (apart < limits[0]) & (farther < limits[1])
     return bool(2 * same.sum() >= len(same))
 

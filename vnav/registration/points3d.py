@@ -1,7 +1,7 @@
 """Two frames registered by their matched 3D points: claim 3, S3 to S5."""
 
-from dataclasses import dataclass
-from typing import Protocol
+from dataclasses import dataclass, replace
+from typing import Protocol, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +15,8 @@ from vnav.core.mapping import FrameFeatures
 from vnav.registration.correspondences import Correspondences
 from vnav.registration.estimation import estimate_motion, refine_motion
 
+MOTIONS = 3  # of a set of matches: the camera's, and those of what repeats or moves
+
 
 class Matcher(Protocol):
     """Finds which features of two frames are the same: rows (M, 2) of a's and b's."""
@@ -26,6 +28,9 @@ class Matcher(Protocol):
         self, a: Features, b: Features, predicted_px: Array, radius_px: float
     ) -> NDArray[np.int32]:
         """Matches close to where a's features are predicted in b, NaN for those with no place."""
+
+    def without_ratio(self) -> "Matcher":
+        """The same, but the nearest is a match however near the second nearest is."""
 
 
 @dataclass(frozen=True)
@@ -49,23 +54,59 @@ class PointRegistration:
     ) -> PoseEstimate | Rejected:
         """How camera b stands to camera a, or why that cannot be told.
 
-        Matches, RANSAC on three matched 3D points each, then robust non-linear refinement of
-        reprojection and inverse depth with the sensor's noise. Where a motion ``T_a_b`` is
-        ``predicted``, the strongest features are first matched near the places that it gives.
-        Unless nearly all of those agree, features are also matched over the whole image, and the
-        motion with more inliers counts: near wrong places, wrong matches can agree by chance.
-        With the motion found, features are matched once more, close to where it puts them.
+        The one of its `hypotheses` with the most inliers, where one is sought in each way.
         """
-        guided = self._estimate_guided(a, b, rng, predicted)
-        if (
-            isinstance(guided, PoseEstimate)
-            and guided.inlier_share >= self.config.search_min_inlier_share
-        ):
-            return self._matched_again(guided, a, b)
-        unguided = self._estimate_unguided(a, b, rng)
-        found = [e for e in (guided, unguided) if isinstance(e, PoseEstimate)]
-        estimates = [self._matched_again(estimate, a, b) for estimate in found]
-        return max(estimates, key=lambda estimate: len(estimate.inliers), default=unguided)
+        found = self.hypotheses(a, b, rng, predicted, 1)
+        if isinstance(found, Rejected):
+            return found
+        return max(found, key=lambda estimate: len(estimate.inliers))
+
+    def hypotheses(
+        self,
+        a: FrameFeatures,
+        b: FrameFeatures,
+        rng: np.random.Generator,
+        predicted: Array | None = None,
+        count: int = MOTIONS,
+    ) -> list[PoseEstimate] | Rejected:
+        """The motions ``T_a_b`` that many matches agree on, at most ``count`` of each way to match.
+
+        Matches, RANSAC on three matched 3D points each, then robust non-linear refinement of
+        reprojection and inverse depth with the sensor's noise. Where a motion is ``predicted``, the
+        strongest features are first matched near the places that it gives. Unless nearly all of
+        those agree, features are also matched over the whole image: near wrong places, wrong
+        matches can agree by chance. With each motion found, features are matched once more, close
+        to where it puts them.
+        """
+        guided = self._guided(a, b, rng, predicted, count)
+        if not isinstance(guided, Rejected) and self._is_sure(guided[0]):
+            return [self._matched_again(guided[0], a, b)]
+        unguided = self._unguided(a, b, rng, count)
+        found = [e for way in (guided, unguided) if not isinstance(way, Rejected) for e in way]
+        return [self._matched_again(e, a, b) for e in found] or cast(Rejected, unguided)
+
+    def among_twins(
+        self, a: FrameFeatures, b: FrameFeatures, rng: np.random.Generator, predicted: Array
+    ) -> list[PoseEstimate]:
+        """The motions near a prediction that matches agree on, the ratio test left out.
+
+        Among things that look the same the nearest descriptor is that of any of them, so that each
+        of several motions has its share of the matches.
+        """
+        matcher = self.matcher.without_ratio()
+        pair = replace(self, matcher=matcher)
+        matches = pair.match_guided(a, b, predicted, self.config.search_radius_px)
+        found = self._motions(a, b, matches, rng, MOTIONS)
+        return [] if isinstance(found, Rejected) else found
+
+    def register_near(
+        self, a: FrameFeatures, b: FrameFeatures, T_a_b: Array, at_least: int = 0
+    ) -> PoseEstimate | Rejected:
+        """The motion from matches close to where a first one puts them, if there are so many."""
+        matches = self.match_guided(a, b, T_a_b, self.config.refine_radius_px)
+        if len(matches) < max(at_least, self.config.min_inliers):
+            return Rejected("too few matches", len(matches))
+        return refine_motion(T_a_b, self._correspondences(a, b, matches), self.config)
 
     def match_guided(
         self,
@@ -89,46 +130,60 @@ class PointRegistration:
         only_b = ~a.has_depth[back[:, 0]] & ~np.isin(back[:, 1], found[:, 1])
         return np.concatenate([found, back[only_b]])
 
-    def _estimate_guided(
-        self, a: FrameFeatures, b: FrameFeatures, rng: np.random.Generator, predicted: Array | None
-    ) -> PoseEstimate | Rejected:
+    def _is_sure(self, guided: PoseEstimate) -> bool:
+        return guided.inlier_share >= self.config.search_min_inlier_share
+
+    def _guided(
+        self,
+        a: FrameFeatures,
+        b: FrameFeatures,
+        rng: np.random.Generator,
+        predicted: Array | None,
+        count: int,
+    ) -> list[PoseEstimate] | Rejected:
         """By matches near the predicted places of the strongest features."""
         if predicted is None:
             return Rejected("no prediction")
         radius_px, strongest = self.config.search_radius_px, self.config.search_features
         matches = self.match_guided(a, b, predicted, radius_px, strongest)
-        return self._estimate(a, b, matches, rng)
+        return self._motions(a, b, matches, rng, count)
 
-    def _estimate_unguided(
-        self, a: FrameFeatures, b: FrameFeatures, rng: np.random.Generator
-    ) -> PoseEstimate | Rejected:
+    def _unguided(
+        self, a: FrameFeatures, b: FrameFeatures, rng: np.random.Generator, count: int
+    ) -> list[PoseEstimate] | Rejected:
         """By matches over the whole image."""
         matches = self.matcher.match(a.features, b.features)
         has_depth = a.has_depth[matches[:, 0]]
         if self.config.one_sided_depth:
             has_depth |= b.has_depth[matches[:, 1]]
-        return self._estimate(a, b, matches[has_depth], rng)
+        return self._motions(a, b, matches[has_depth], rng, count)
 
-    def _estimate(
+    def _motions(
         self,
         a: FrameFeatures,
         b: FrameFeatures,
         matches: NDArray[np.int32],
         rng: np.random.Generator,
-    ) -> PoseEstimate | Rejected:
-        if len(matches) < self.config.min_inliers:
-            return Rejected("too few matches", len(matches))
-        return estimate_motion(self._correspondences(a, b, matches), self.config, rng)
+        count: int,
+    ) -> list[PoseEstimate] | Rejected:
+        """Sequential RANSAC: the motion that most matches agree with, and again of the rest."""
+        found: list[PoseEstimate] = []
+        rejected = Rejected("too few matches", len(matches))
+        while len(found) < count and len(matches) >= self.config.min_inliers:
+            correspondences = self._correspondences(a, b, matches)
+            estimate = estimate_motion(correspondences, self.config, rng)
+            if isinstance(estimate, Rejected):
+                rejected = estimate
+                break
+            found.append(estimate)
+            matches = matches[~np.isin(matches[:, 0], estimate.inliers[:, 0])]
+        return found or rejected
 
     def _matched_again(
         self, estimate: PoseEstimate, a: FrameFeatures, b: FrameFeatures
     ) -> PoseEstimate:
         """The estimate from all matches close to where the motion puts them, if those are more."""
-        matches = self.match_guided(a, b, estimate.T_a_b, self.config.refine_radius_px)
-        if len(matches) <= len(estimate.inliers):
-            return estimate
-        correspondences = self._correspondences(a, b, matches)
-        refined = refine_motion(estimate.T_a_b, correspondences, self.config)
+        refined = self.register_near(a, b, estimate.T_a_b, len(estimate.inliers) + 1)
         return refined if isinstance(refined, PoseEstimate) else estimate
 
     def _correspondences(

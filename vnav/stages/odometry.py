@@ -15,6 +15,7 @@ from vnav.config import Config
 from vnav.core.frame import Frame
 from vnav.core.mapping import LOST, FrameFeatures, FrameTable, Odometry
 from vnav.core.progress import Progress, silent
+from vnav.core.reduced_frame import ReducedFrame, reduced
 from vnav.core.report import Report
 from vnav.core.trajectory import Trajectory
 from vnav.errors import CaptureError
@@ -83,7 +84,7 @@ def track(
             progress("odometry", row, len(frames))
             if isinstance(seen, str):
                 builder.skip(row, seen)
-            elif builder.add(seen.features, seen.frame, seen.frame.intrinsics):
+            elif builder.add(seen.features, seen.frame, seen.image):
                 written.append(pool.submit(save_keyframe, draft, row, seen.frame))
         for keyframe in written:
             keyframe.result()
@@ -93,10 +94,11 @@ def track(
 
 @dataclasses.dataclass(frozen=True)
 class _Seen:
-    """A frame and its features."""
+    """A frame, its features, and its pixels in blocks."""
 
     features: FrameFeatures
     frame: Frame
+    image: ReducedFrame
 
 
 def _described_frames(
@@ -115,7 +117,7 @@ def _described_frames(
         features = extract(frame.color)
         near = np.where(frame.depth_m <= farthest, frame.depth_m, np.float32(0))
         points = lift(features.keypoints_px, near, camera, config.registration)
-        return _Seen(FrameFeatures(row, features, points), frame)
+        return _Seen(FrameFeatures(row, features, points), frame, reduced(frame))
 
     with one_opencv_thread:
         ahead: deque[Future[_Seen | str]] = deque()

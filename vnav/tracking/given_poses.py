@@ -11,6 +11,7 @@ from vnav.core.association import associate, span
 from vnav.core.camera import Intrinsics
 from vnav.core.frame import Edge, Frame
 from vnav.core.mapping import LOST, FrameFeatures, FrameTable, Odometry
+from vnav.core.reduced_frame import ReducedFrame
 from vnav.core.trajectory import Trajectory
 from vnav.errors import CaptureError, TrajectoryError
 from vnav.features.matching import DescriptorMatcher
@@ -53,15 +54,15 @@ class GivenPoses:
         without = np.flatnonzero(np.isnan(T_world_camera[:, 0, 0]))
         self._reasons = {int(row): NO_POSE for row in without}
 
-    def add(self, current: FrameFeatures, _frame: Frame, camera: Intrinsics) -> bool:
+    def add(self, features: FrameFeatures, frame: Frame, _image: ReducedFrame) -> bool:
         """Take the next frame; True where it becomes a keyframe."""
         min_inliers = self._config.registration.min_inliers
-        if current.row in self._reasons or current.has_depth.sum() < min_inliers:
+        if features.row in self._reasons or features.has_depth.sum() < min_inliers:
             return False
-        is_keyframe = not self._keyframes or self._is_new_view(current, camera)
-        self._previous = current
+        is_keyframe = not self._keyframes or self._is_new_view(features, frame.intrinsics)
+        self._previous = features
         if is_keyframe:
-            self._keyframes.append(current)
+            self._keyframes.append(features)
         return is_keyframe
 
     def skip(self, row: int, reason: str) -> None:

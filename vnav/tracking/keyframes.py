@@ -10,6 +10,7 @@ from vnav.core import se3
 from vnav.core.arrays import Array
 from vnav.core.mapping import FrameFeatures
 from vnav.features.appearance import global_descriptor
+from vnav.tracking.pose_choice import TrackedFrame
 
 
 def is_new_view(T_keyframe_current: Array, shared: float, config: OdometryConfig) -> bool:
@@ -29,23 +30,23 @@ class Keyframes:
 
     def __init__(self, config: OdometryConfig) -> None:
         self._config = config
-        self._keyframes: list[FrameFeatures] = []
+        self._keyframes: list[TrackedFrame] = []
         self._descriptors: list[NDArray[np.float32]] = []
 
-    def __iter__(self) -> Iterator[FrameFeatures]:
+    def __iter__(self) -> Iterator[TrackedFrame]:
         return iter(self._keyframes)
 
     @property
-    def last(self) -> FrameFeatures | None:
+    def last(self) -> TrackedFrame | None:
         """The newest keyframe, None before there is one."""
         return self._keyframes[-1] if self._keyframes else None
 
-    def append(self, frame: FrameFeatures) -> None:
+    def append(self, frame: TrackedFrame) -> None:
         """Make a frame the newest keyframe."""
         self._keyframes.append(frame)
-        self._descriptors.append(global_descriptor(frame.features))
+        self._descriptors.append(global_descriptor(frame.features.features))
 
-    def recent_and_similar(self, current: FrameFeatures) -> Iterator[FrameFeatures]:
+    def recent_and_similar(self, current: FrameFeatures) -> Iterator[TrackedFrame]:
         """Keyframes before the last, newest first, then the most similar of the rest."""
         recent = self._config.recent_keyframes
         yield from reversed(self._keyframes[-1 - recent : -1])

@@ -1,5 +1,7 @@
 """The constant-velocity motion model: where the next frame will be if the motion goes on."""
 
+from collections.abc import Mapping
+
 import numpy as np
 
 from vnav.core import se3
@@ -46,13 +48,22 @@ class ConstantVelocity:
         self._T_start_camera[row] = pose
         self._last, self._last_s = row, self._next_s
 
+    @property
+    def poses(self) -> Mapping[int, Array]:
+        """``T_start_camera`` of every frame of this track, by its row."""
+        return self._T_start_camera
+
+    @property
+    def expected(self) -> list[Array]:
+        """Where the next frame is in the track: if the motion goes on, and if the camera rests."""
+        T_start_last = self._T_start_camera[self._last]
+        return [T_start_last @ self._T_last_next, T_start_last]
+
     def predicted(self, target: int) -> Array | None:
         """``T_target_camera`` of the next frame; None where the target is of another track."""
         if target not in self._T_start_camera:
             return None
-        T_start_last = self._T_start_camera[self._last]
-        T_target_start = se3.inverse(self._T_start_camera[target])
-        return np.asarray(T_target_start @ T_start_last @ self._T_last_next)
+        return np.asarray(se3.inverse(self._T_start_camera[target]) @ self.expected[0])
 
     def between(self, i: int, j: int) -> Array | None:
         """``T_i_j`` of two frames; None where not both are of this track."""

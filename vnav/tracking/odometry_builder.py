@@ -2,16 +2,16 @@
 
 from typing import Protocol
 
-from vnav.core.camera import Intrinsics
 from vnav.core.frame import Frame
 from vnav.core.mapping import FrameFeatures, FrameTable, Odometry
+from vnav.core.reduced_frame import ReducedFrame
 
 
 class OdometryBuilder(Protocol):
     """Takes a capture's frames in order, and makes the odometry of them."""
 
-    def add(self, current: FrameFeatures, frame: Frame, camera: Intrinsics) -> bool:
-        """Take the next frame, as ``camera`` saw it; True where it becomes a keyframe."""
+    def add(self, features: FrameFeatures, frame: Frame, image: ReducedFrame) -> bool:
+        """Take the next frame, with its pixels in blocks; True where it becomes a keyframe."""
 
     def skip(self, row: int, reason: str) -> None:
         """Leave the next frame out, and say why."""

@@ -6,17 +6,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vnav.config import Config
-from vnav.core.camera import Intrinsics
 from vnav.core.frame import Edge, Frame, PoseEstimate
 from vnav.core.graph import chain
 from vnav.core.mapping import LOST, FrameFeatures, FrameTable, Odometry
+from vnav.core.reduced_frame import ReducedFrame
 from vnav.errors import CaptureError
 from vnav.registration.dense import DenseEstimate
 from vnav.tracking.dense_tracking import DenseTracker
 from vnav.tracking.feature_tracking import FeatureTracker, are_degenerate
-from vnav.tracking.keyframes import Keyframes, is_new_view
+from vnav.tracking.keyframes import is_new_view
 from vnav.tracking.map_tracking import MapTracker
 from vnav.tracking.motion import ConstantVelocity
+from vnav.tracking.pose_choice import ChosenMotions, Motions, TrackedFrame
 
 
 class VisualOdometry:
@@ -25,35 +26,35 @@ class VisualOdometry:
     def __init__(self, config: Config) -> None:
         self._config = config
         self._motion = ConstantVelocity()
-        self._keyframes = Keyframes(config.odometry)
-        self._features = FeatureTracker(config, self._keyframes, self._motion)
+        self._features = FeatureTracker(config, self._motion)
         self._dense = DenseTracker(config)
         self._map = MapTracker(config, self._motion)
         self._edges: list[Edge] = []
+        self._alternatives: list[Edge] = []
         self._degenerate_edges: list[Edge] = []
         self._reasons: dict[int, str] = {}
 
-    def add(self, current: FrameFeatures, frame: Frame, camera: Intrinsics) -> bool:
+    def add(self, features: FrameFeatures, frame: Frame, image: ReducedFrame) -> bool:
         """Track the next frame; True where it becomes a keyframe."""
         self._motion.predict(frame.stamp_s)
-        estimates = self._features.track(current, camera)
-        dense = self._align_where_degenerate(frame, camera, estimates)
-        if dense and are_degenerate(estimates):
-            estimates = self._track_near(dense, current, camera) or estimates
-        count = int(current.has_depth.sum())
+        current = TrackedFrame(features, image, frame.intrinsics)
+        choice = self._features.track(current)
+        dense = self._align_where_degenerate(frame, choice.estimates)
+        if dense and are_degenerate(choice.estimates):
+            choice = self._track_near(dense, current) or choice
+        count = int(features.has_depth.sum())
         has_features = count >= self._config.registration.min_inliers
-        if not (estimates or dense or has_features):
-            self.skip(current.row, f"{count} features with depth")
+        if not (choice.estimates or dense or has_features):
+            self.skip(features.row, f"{count} features with depth")
             return False
-        degenerate = self._record(current.row, estimates, dense)
-        self._edges += self._map.track(current.row, frame, camera)
-        self._dense.remember(current.row, frame, degenerate)
-        is_keyframe = has_features and not degenerate and self._is_keyframe(estimates)
+        degenerate = self._record(features.row, choice, dense)
+        self._edges += self._map.track(features.row, frame, frame.intrinsics)
+        self._dense.remember(features.row, frame, degenerate)
+        is_keyframe = has_features and not degenerate and self._is_keyframe(choice.estimates)
         if has_features:
-            self._features.previous = current
+            self._features.remember(current, is_keyframe)
         if is_keyframe:
-            self._keyframes.append(current)
-            self._map.add(current, frame, estimates)
+            self._map.add(features, frame, choice.estimates)
         return is_keyframe
 
     def skip(self, row: int, reason: str) -> None:
@@ -62,7 +63,7 @@ class VisualOdometry:
 
     def result(self, frames: FrameTable) -> Odometry:
         """Everything that was tracked, as segments of connected frames."""
-        keyframes = tuple(self._keyframes)
+        keyframes = tuple(k.features for k in self._features.keyframes)
         if not keyframes:
             raise CaptureError(
                 f"expected frames with at least {self._config.registration.min_inliers} features"
@@ -79,32 +80,31 @@ class VisualOdometry:
             edges,
             keyframes,
             degenerate_edges=(*self._degenerate_edges, *apart),
+            alternatives=tuple(e for e in self._alternatives if segment[e.i] != LOST),
         )
 
-    def _align_where_degenerate(
-        self, frame: Frame, camera: Intrinsics, estimates: dict[int, PoseEstimate]
-    ) -> dict[int, DenseEstimate]:
+    def _align_where_degenerate(self, frame: Frame, estimates: Motions) -> dict[int, DenseEstimate]:
         """The motion from the last frame by all pixels, where features leave either degenerate."""
         last = self._dense.last_row
         if last is None or not (are_degenerate(estimates) or self._dense.is_degenerate):
             return {}
         predicted = estimates[last].T_a_b if last in estimates else self._motion.predicted(last)
-        return self._dense.track(frame, camera, predicted)
+        return self._dense.track(frame, frame.intrinsics, predicted)
 
     def _track_near(
-        self, dense: dict[int, DenseEstimate], current: FrameFeatures, camera: Intrinsics
-    ) -> dict[int, PoseEstimate]:
-        """By features once more, now near the motion that the pixels tell."""
+        self, dense: dict[int, DenseEstimate], current: TrackedFrame
+    ) -> ChosenMotions | None:
+        """By features once more, now near the motion that the pixels tell; None by none."""
         (aligned,) = dense.values()
         self._motion.replace_prediction(aligned.T_a_b)
-        return self._features.track_nearest(current, camera)
+        choice = self._features.track_nearest(current)
+        return choice if choice.estimates else None
 
-    def _record(
-        self, row: int, estimates: dict[int, PoseEstimate], dense: dict[int, DenseEstimate]
-    ) -> bool:
+    def _record(self, row: int, choice: ChosenMotions, dense: dict[int, DenseEstimate]) -> bool:
         """Keep a frame's edges, and its pose for the next; True where all are degenerate."""
         constrained = {i: e for i, e in dense.items() if e.well_constrained}
-        edges = [*_edges(row, estimates), *_edges(row, constrained)]
+        edges = [*_edges(row, choice.estimates), *_edges(row, constrained)]
+        self._alternatives += _edges(row, choice.alternatives)
         degenerate = [] if constrained else _edges(row, dense)
         self._edges += edges
         self._degenerate_edges += degenerate
@@ -113,13 +113,13 @@ class VisualOdometry:
             self._reasons[row] = "no frame before it matches"
         return not edges and bool(degenerate)
 
-    def _is_keyframe(self, estimates: dict[int, PoseEstimate]) -> bool:
+    def _is_keyframe(self, estimates: Motions) -> bool:
         """By motion and shared view; also where the last keyframe is out of sight."""
-        last, previous = self._keyframes.last, self._features.previous
-        if last is None or previous is None or last.row not in estimates:
+        last, previous = self._features.keyframes.last, self._features.previous
+        if last is None or previous is None or last.features.row not in estimates:
             return True
-        to_keyframe = estimates[last.row]
-        to_previous = estimates.get(previous.row, to_keyframe)
+        to_keyframe = estimates[last.features.row]
+        to_previous = estimates.get(previous.features.row, to_keyframe)
         shared = len(to_keyframe.inliers) / len(to_previous.inliers)
         return is_new_view(to_keyframe.T_a_b, shared, self._config.odometry)
 
@@ -133,8 +133,6 @@ class VisualOdometry:
         )
 
 
-def _edges(
-    row: int, estimates: Mapping[int, PoseEstimate] | Mapping[int, DenseEstimate]
-) -> list[Edge]:
+def _edges(row: int, estimates: Mapping[int, PoseEstimate | DenseEstimate]) -> list[Edge]:
     """Edges to a frame from the earlier ones, whose rows the estimates have."""
-    return [Edge(i, row, e.T_a_b, e.information) for i, e in estimates.items()]
+    return [Edge(i, row, e.T_a_b, e.information, e.probability) for i, e in estimates.items()]

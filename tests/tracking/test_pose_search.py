@@ -1,0 +1,77 @@
+"""The pose of a frame among things that repeat, and things that move."""
+
+import numpy as np
+import pytest
+
+from tests.registration.plane_views import CAMERA, Plane, periodic, speckle, view
+from vnav.config import Config, FeaturesConfig
+from vnav.core import se3
+from vnav.core.frame import Frame
+from vnav.core.mapping import FrameFeatures
+from vnav.core.reduced_frame import reduced
+from vnav.features import front_end
+from vnav.features.lifting import lift
+from vnav.tracking.pose_choice import ChosenMotions, Target, TrackedFrame
+from vnav.tracking.pose_search import PoseSearch
+
+CONFIG = Config(features=FeaturesConfig(max_features=500))
+PERIOD_M = 0.12
+SHELVES = Plane(1.5, periodic(speckle(1, grain_m=0.02), PERIOD_M))
+WALL = Plane(3.0, speckle(2))
+PERSON = Plane(1.8, speckle(3, grain_m=0.02), (-0.4, -0.8), (0.4, 0.9))  # 37 % of the view
+FIRST_M, LAST_M, NOW_M = 0.0, 0.12, 0.18  # where the camera was, and is
+
+
+def tracked(frame: Frame) -> TrackedFrame:
+    features = front_end(CONFIG.features).extract(frame.color)
+    points = lift(features.keypoints_px, frame.depth_m, CAMERA, CONFIG.registration)
+    return TrackedFrame(FrameFeatures(frame.index, features, points), reduced(frame), CAMERA)
+
+
+def at(x: float) -> np.ndarray:
+    return se3.make(np.eye(3), [x, 0, 0])
+
+
+def found(scenes: list[list[Plane]], expected: list[float]) -> ChosenMotions:
+    """The choice for the last of three views, of a camera that moves to the right."""
+    places = FIRST_M, LAST_M, NOW_M
+    views = [
+        view(s, x, seed=k, index=k) for k, (s, x) in enumerate(zip(scenes, places, strict=True))
+    ]
+    frames = [tracked(v) for v in views]
+    targets = [Target(frames[1], at(LAST_M)), Target(frames[0], at(FIRST_M))]
+    return PoseSearch(CONFIG).search(targets, frames[2], [at(x) for x in expected])
+
+
+def off_m(choice: ChosenMotions) -> list[float]:
+    """Of the motions, from the oldest frame on."""
+    truth = {0: at(NOW_M - FIRST_M), 1: at(NOW_M - LAST_M)}
+    pairs = sorted(choice.estimates.items())
+    return [float(np.linalg.norm((se3.inverse(truth[k]) @ e.T_a_b)[:3, 3])) for k, e in pairs]
+
+
+def test_motions_from_both_frames_agree_on_the_pose_that_is_right() -> None:
+    choice = found([[WALL]] * 3, [NOW_M, LAST_M])
+    assert max(off_m(choice)) < 0.01
+    assert len(choice.estimates) == 2
+    assert min(e.probability for e in choice.estimates.values()) > 0.95
+    assert not choice.alternatives
+
+
+@pytest.mark.parametrize("step_m", [0.08, -0.12])
+def test_a_person_with_more_matches_is_not_followed(step_m: float) -> None:
+    scenes = [[WALL, PERSON.moved(k * step_m)] for k in range(3)]
+    choice = found(scenes, [LAST_M + 0.01, LAST_M])
+    assert max(off_m(choice)) < 0.02
+    assert min(e.probability for e in choice.estimates.values()) > 0.5
+
+
+def test_among_shelves_that_are_all_the_same_the_pose_that_was_expected_is_among_two() -> None:
+    choice = found([[SHELVES]] * 3, [NOW_M + 0.01, NOW_M - PERIOD_M])
+    assert choice.estimates.keys() == choice.alternatives.keys()
+    apart = [
+        np.linalg.norm(choice.estimates[k].T_a_b[:3, 3] - choice.alternatives[k].T_a_b[:3, 3])
+        for k in choice.estimates
+    ]
+    np.testing.assert_allclose(apart, PERIOD_M, atol=0.01)
+    assert max(e.probability for e in choice.estimates.values()) < 0.95

@@ -1,0 +1,165 @@
+"""Poses that one frame may have, and which of them all pixels bear out.
+
+Motions from earlier frames to the current one imply poses of it in the track. Those that pixels
+cannot tell apart are one, and each is judged against all the earlier frames at once: so the motions
+to the best agree with each other.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from functools import reduce
+from operator import add
+
+import numpy as np
+
+from vnav.config import RegistrationConfig
+from vnav.core import se3
+from vnav.core.arrays import Array
+from vnav.core.camera import Intrinsics
+from vnav.core.frame import PoseEstimate
+from vnav.core.mapping import FrameFeatures
+from vnav.core.reduced_frame import ReducedFrame
+from vnav.registration.judge import are_same, judge
+
+CLEAR = 0.95  # probability of a pose that needs no second look
+MAX_POSES = 8  # that are judged
+MIN_ALTERNATIVE = 0.05  # probability of a pose that is kept beside the best
+Motions = dict[int, PoseEstimate]  # to the current frame, by the row of the frame they are from
+
+
+@dataclass(frozen=True)
+class TrackedFrame:
+    """What tracking keeps of a frame: its features, and its pixels in blocks; its own camera."""
+
+    features: FrameFeatures
+    image: ReducedFrame
+    camera: Intrinsics
+
+
+@dataclass(frozen=True)
+class Target:
+    """An earlier frame that the current one is registered against, at its pose in the track."""
+
+    frame: TrackedFrame
+    T_track_camera: Array
+
+    @property
+    def row(self) -> int:
+        """In the frame table."""
+        return self.frame.features.row
+
+    def motion(self, T_track_current: Array) -> Array:
+        """``T_a_b`` from this frame to a pose of the current one."""
+        return np.asarray(se3.inverse(self.T_track_camera) @ T_track_current)
+
+
+@dataclass(frozen=True)
+class ChosenMotions:
+    """Motions to the best pose, and to the next if that is about as good; with probabilities."""
+
+    estimates: Motions = field(default_factory=dict)
+    alternatives: Motions = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class _Pose:
+    """Where the frame may be in the track, and the motions that lead there."""
+
+    T_track_current: Array
+    motions: Motions = field(default_factory=dict)
+
+
+class PoseChoice:
+    """The poses that are suggested of a frame, held against the targets, of which one at least."""
+
+    def __init__(
+        self, targets: Sequence[Target], current: ReducedFrame, config: RegistrationConfig
+    ) -> None:
+        self._targets, self._current, self._config = targets, current, config
+        self._poses: list[_Pose] = []
+        self._probabilities = np.zeros(0)
+
+    @property
+    def poses(self) -> list[Array]:
+        """Those suggested so far, each ``T_track_current``."""
+        return [pose.T_track_current for pose in self._poses]
+
+    @property
+    def best(self) -> Array | None:
+        """The most probable pose as last judged; None before that."""
+        return self.poses[int(self._probabilities.argmax())] if len(self._probabilities) else None
+
+    def suggest(self, poses: Sequence[Array]) -> None:
+        """Add poses without motions, each ``T_track_current``."""
+        for pose in poses:
+            self._known(pose)
+
+    def add(self, target: Target, estimates: Sequence[PoseEstimate]) -> None:
+        """Add the poses that motions from a target lead to; of two to one pose the better."""
+        row = target.row
+        for estimate in estimates:
+            pose = self._known(target.T_track_camera @ estimate.T_a_b)
+            known = pose.motions.get(row)
+            if known is None or len(known.inliers) < len(estimate.inliers):
+                pose.motions[row] = estimate
+
+    def missing(self, target: Target) -> list[Array]:
+        """The poses that no motion from a target leads to."""
+        return [p.T_track_current for p in self._poses if target.row not in p.motions]
+
+    def drop(self, T_track_current: Array) -> None:
+        """Take a pose back, unless a motion leads there."""
+        self._poses = [
+            p for p in self._poses if p.motions or p.T_track_current is not T_track_current
+        ]
+        self._probabilities = np.zeros(0)
+
+    def judge(self) -> None:
+        """Weigh the poses by the pixels of all targets, where there are others than before."""
+        if len(self._probabilities) == len(self._poses):
+            return
+        evidence = [
+            judge(a.frame.image, self._current, [a.motion(T) for T in self.poses], self._config)
+            for a in self._targets
+        ]
+        self._probabilities = reduce(add, evidence).probabilities
+
+    @property
+    def is_clear(self) -> bool:
+        """Whether one pose is the best by far, and all targets that move anywhere move there."""
+        best = int(self._probabilities.argmax())
+        rows = {row for pose in self._poses for row in pose.motions}
+        is_likely = self._probabilities[best] >= CLEAR
+        return bool(is_likely and rows == set(self._poses[best].motions))
+
+    def result(self) -> ChosenMotions:
+        """The motions to the best pose that any lead to, and to the next of them."""
+        order = np.argsort(-self._probabilities, kind="stable")
+        best, *others = [k for k in order.tolist() if self._poses[k].motions] or [None]
+        if best is None:
+            return ChosenMotions()
+        estimates = self._weighed(best)
+        if not others or self._probabilities[others[0]] < MIN_ALTERNATIVE:
+            return ChosenMotions(estimates)
+        other = self._weighed(others[0])
+        return ChosenMotions(estimates, {row: e for row, e in other.items() if row in estimates})
+
+    def _weighed(self, number: int) -> Motions:
+        """The motions to a pose with their probability, oldest target first."""
+        p = float(self._probabilities[number])
+        motions = sorted(self._poses[number].motions.items())
+        return {row: replace(estimate, probability=p) for row, estimate in motions}
+
+    def _known(self, T_track_current: Array) -> _Pose:
+        """The pose that stands for this one, which may be new; beyond the limit it is nowhere."""
+        first = self._targets[0]
+        motion = first.motion(T_track_current)
+        for pose in self._poses:
+            if are_same(
+                first.frame.image, first.motion(pose.T_track_current), motion, self._config
+            ):
+                return pose
+        pose = _Pose(T_track_current)
+        if len(self._poses) < MAX_POSES:
+            self._poses.append(pose)
+        return pose

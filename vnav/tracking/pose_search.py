@@ -1,0 +1,81 @@
+"""The search for a frame's pose: several hypotheses, one judge."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from vnav.config import Config
+from vnav.core.arrays import Array
+from vnav.core.frame import PoseEstimate, Rejected
+from vnav.features.matching import DescriptorMatcher
+from vnav.registration.points3d import PointRegistration
+from vnav.tracking.pose_choice import ChosenMotions, PoseChoice, Target, TrackedFrame
+
+
+class PoseSearch:
+    """Registers a frame against earlier ones of one track, so that all motions agree."""
+
+    def __init__(self, config: Config) -> None:
+        self._config, self._seed = config.registration, config.seed
+        self._matcher = DescriptorMatcher(config.registration)
+
+    def search(
+        self,
+        targets: Sequence[Target],
+        current: TrackedFrame,
+        expected: Sequence[Array],
+    ) -> ChosenMotions:
+        """Motions from the targets to the pose of a frame that is judged best; none without any.
+
+        Poses that matches agree on, from one target after the other, are held against those that
+        are ``expected`` without matches, ``T_track_current``, the most likely first. Unless one is
+        clearly the best, more are sought: near all so far, and among twins.
+        """
+        choice = PoseChoice(targets, current.image, self._config)
+        for target in targets:
+            choice.add(target, self._registered(target, current, choice.best, expected))
+            if choice.poses:
+                choice.suggest(expected)
+                choice.judge()
+        if choice.poses and not choice.is_clear:
+            for target in targets:
+                self._seek(choice, target, current)
+            choice.judge()
+        return choice.result()
+
+    def _registered(
+        self,
+        target: Target,
+        current: TrackedFrame,
+        best: Array | None,
+        expected: Sequence[Array],
+    ) -> list[PoseEstimate]:
+        """The motion from a target to the best pose so far, else all that matches agree on."""
+        a, b, pair = target.frame.features, current.features, self._pair(current)
+        predicted = target.motion(best if best is not None else expected[0]) if expected else None
+        if best is not None:
+            near = pair.register_near(a, b, target.motion(best))
+            if isinstance(near, PoseEstimate):
+                return [near]
+        found = pair.hypotheses(a, b, self._rng(target, current), predicted)
+        return [] if isinstance(found, Rejected) else found
+
+    def _seek(self, choice: PoseChoice, target: Target, current: TrackedFrame) -> None:
+        """Suggest more poses: by matches of a target near those so far, and by those among twins.
+
+        An expected pose near which matches agree on another has that one in its stead.
+        """
+        a, b, pair = target.frame.features, current.features, self._pair(current)
+        predicted, rng = target.motion(choice.poses[0]), self._rng(target, current)
+        for pose in choice.missing(target):
+            near = pair.register_near(a, b, target.motion(pose))
+            if isinstance(near, PoseEstimate):
+                choice.add(target, [near])
+                choice.drop(pose)
+        choice.add(target, pair.among_twins(a, b, rng, predicted))
+
+    def _pair(self, current: TrackedFrame) -> PointRegistration:
+        return PointRegistration(current.camera, current.camera, self._config, self._matcher)
+
+    def _rng(self, target: Target, current: TrackedFrame) -> np.random.Generator:
+        return np.random.default_rng([self._seed, target.row, current.features.row])
