@@ -1,0 +1,59 @@
+"""Places that repeat themselves, tracked by their images alone: no edge is off by a period."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from vnav.config import Config
+from vnav.core import se3
+from vnav.core.camera import Camera
+from vnav.io.sources.memory import ArrayCapture, frames
+from vnav.stages.odometry import track
+from vnav.synthetic import MINIATURE, SCENES, CaptureSpec
+from vnav.synthetic.path import frames_at
+from vnav.synthetic.rendered_capture import camera_poses
+from vnav.synthetic.sensor import measured_color, measured_depth
+
+STEP_M, UNEVEN = 0.07, 0.43  # 4 to 10 cm a frame
+RATE_HZ = 10.0
+
+
+def stretch(scene: str, seed: int, rows: Sequence[int]) -> tuple[ArrayCapture, np.ndarray]:
+    """Those frames of the walk through a scene, and their T_world_camera."""
+    place, camera = SCENES[scene](seed), MINIATURE.camera
+    count = frames_at(STEP_M, place.tour)
+    spec = CaptureSpec(scene, count, 0, camera, camera, RATE_HZ, seed=seed, uneven=UNEVEN)
+    T_world_camera = camera_poses(place, spec)[rows]
+    color, depth_m = [], []
+    for row, T in zip(rows, T_world_camera, strict=True):
+        rng = np.random.default_rng([seed, row])
+        clean, exact_m = place.render(camera, T)
+        color.append(measured_color(clean, np.ones(3), spec.sensor, rng))
+        depth_m.append(measured_depth(exact_m, camera, spec.sensor, rng))
+    stamps_s = np.array(rows) / RATE_HZ
+    return frames(color, depth_m, Camera(camera, 1.0), stamps_s), T_world_camera
+
+
+@pytest.mark.parametrize(
+    ("scene", "seed", "rows"),
+    [
+        pytest.param("shop", 0, range(15), id="shop, 10 Hz"),
+        pytest.param("shop", 0, range(0, 45, 3), id="shop, every third frame"),
+        pytest.param("twin_rooms", 0, range(90, 129, 3), id="twin rooms, every third frame"),
+    ],
+)
+def test_every_frame_is_tracked_and_no_edge_is_off(
+    scene: str, seed: int, rows: range, tmp_path: Path
+) -> None:
+    """Off: by 3 cm or a degree, far beyond noise and well below the shortest period, 8 cm."""
+    capture, T_world_camera = stretch(scene, seed, rows)
+    odometry = track(capture, Config(), tmp_path)
+    assert not any(odometry.reasons)
+    assert len(odometry.edges) >= len(rows) - 1
+    for edge in odometry.edges:
+        T_true = se3.inverse(T_world_camera[edge.i]) @ T_world_camera[edge.j]
+        off = se3.inverse(T_true) @ edge.T_i_j
+        assert np.linalg.norm(off[:3, 3]) < 0.03, (edge.i, edge.j)
+        assert np.rad2deg(se3.rotation_angle(off)) < 1, (edge.i, edge.j)
