@@ -39,6 +39,8 @@ def stretch(scene: str, seed: int, rows: Sequence[int]) -> tuple[ArrayCapture, n
 @pytest.mark.parametrize(
     ("scene", "seed", "rows"),
     [
+        pytest.param("library", 1, range(30, 52), id="library, 10 Hz"),
+        pytest.param("library", 1, range(27, 60, 3), id="library, every third frame"),
         pytest.param("shop", 0, range(15), id="shop, 10 Hz"),
         pytest.param("shop", 0, range(0, 45, 3), id="shop, every third frame"),
         pytest.param("twin_rooms", 0, range(90, 129, 3), id="twin rooms, every third frame"),
