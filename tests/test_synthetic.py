@@ -28,7 +28,7 @@ from vnav.synthetic.many_rooms import building
 from vnav.synthetic.path import look
 from vnav.synthetic.rendered_capture import camera_poses, photo_poses
 from vnav.synthetic.repeating import ROOM_M, SHELF_M, shop, twin_rooms
-from vnav.synthetic.scene import placed
+from vnav.synthetic.scene import Face, placed
 from vnav.synthetic.sensor import measured_depth
 
 CAMERA = MINIATURE.camera
@@ -300,3 +300,30 @@ def test_a_building_has_as_many_rooms_as_asked() -> None:
     """Ten times the rooms have ten times the faces, but for the ends of the corridor."""
     few, many = (len(building(rooms)(0).faces) for rooms in (1, 10))
     assert 9.5 * few < many <= 10 * few
+
+
+def test_what_stays_in_a_room_looks_the_same_before_and_after() -> None:
+    before, after = (SCENES[name](0) for name in ("room_before", "room_after"))
+    faces = [{_where(face): k for k, face in enumerate(s.faces)} for s in (before, after)]
+    staying = faces[0].keys() & faces[1].keys()
+    assert len(staying) > 60
+    for place in sorted(staying)[::4]:
+        a, b = before._texture(faces[0][place]), after._texture(faces[1][place])
+        np.testing.assert_array_equal(a, b)
+
+
+def test_the_chair_that_moved_looks_as_it_did() -> None:
+    looks = []
+    for name in ("room_before", "room_after"):
+        scene = SCENES[name](0)
+        looks.append({f.twin: scene._texture(k) for k, f in enumerate(scene.faces) if f.twin})
+    both = looks[0].keys() & looks[1].keys()
+    assert len(both) > 30  # a seat, a back and four legs, of which five or six faces are seen
+    for name in sorted(both):
+        was, now = looks[0][name].astype(float), looks[1][name].astype(float)
+        lit = now.mean() / was.mean()  # it turned, and light comes from one side
+        np.testing.assert_allclose(now, lit * was, atol=2.5)  # both are rounded to whole levels
+
+
+def _where(face: Face) -> tuple[float, ...]:
+    return tuple(np.round([*face.corner, *face.u_edge, *face.v_edge], 6).tolist())

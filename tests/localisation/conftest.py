@@ -137,7 +137,9 @@ def mapped(
         for k, (T, (features, _)) in enumerate(zip(poses, views, strict=True))
     ]
     tree = train(np.concatenate([f.descriptors for f, _ in views]), VocabularyConfig(), 0)
-    return LandmarkDatabase(build(landmarks, keyframes, tree, voxels, IndexConfig(), rng), tree)
+    none_retired = np.zeros(len(known), bool)
+    index = build(landmarks, none_retired, keyframes, tree, voxels, IndexConfig(), rng)
+    return LandmarkDatabase(index, tree)
 
 
 def around(centre: tuple[float, float, float]) -> list[Array]:

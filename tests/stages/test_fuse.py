@@ -20,7 +20,10 @@ from vnav.io.store.map_folder import MapFolder
 from vnav.stages import fuse
 from vnav.volumes.octree import Octree
 
-FILES = ("cloud.ply", "mesh.ply", "occupancy.ot", "occupancy.bt", "grid.pgm", "grid.yaml")
+FILES = (
+    *("cloud.ply", "mesh.ply", "occupancy.ot", "occupancy.bt"),
+    *("grid.pgm", "grid.yaml", "departed.npz"),
+)
 
 
 @pytest.fixture(scope="module")

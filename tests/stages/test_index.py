@@ -30,6 +30,23 @@ def test_every_landmark_of_the_map_is_indexed(folder: MapFolder) -> None:
     assert report.values["descriptors"] == len(found.descriptors) >= len(landmarks)
 
 
+def test_landmarks_of_what_has_departed_are_kept_and_not_matched(
+    folder: MapFolder, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    landmarks = load_optimised(folder).landmarks
+    departed = np.arange(len(landmarks)) % 10 == 0
+    monkeypatch.setattr(index, "load_departed", lambda _: departed)
+    report = index.run(folder, Config())
+    found = load_index(folder)
+    np.testing.assert_array_equal(found.retired, departed)
+    np.testing.assert_array_equal(found.points_world, landmarks.points_world)
+    assert not departed[found.owner].any()
+    assert np.isin(np.flatnonzero(~departed), found.owner).all()
+    assert report.values["retired"] == departed.sum()
+    assert f"{departed.sum()} are retired" in report.lines[0]
+    assert report.values["keyframes_found"] == 5
+
+
 def test_keyframes_are_found_again(folder: MapFolder) -> None:
     report = index.run(folder, Config())
     assert report.values["keyframes_asked"] == 5

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from vnav.config import FuseConfig
-from vnav.volumes.cloud import VoxelCloud, filter_depth, first_in_voxel
+from vnav.volumes.cloud import VoxelCloud, filter_depth, voxels_of
 
 RNG = np.random.default_rng(0)
 CONFIG = FuseConfig()
@@ -84,12 +84,13 @@ def test_no_depth_stays_no_depth() -> None:
 def test_the_first_point_of_each_voxel_is_chosen() -> None:
     points = RNG.uniform(-1, 1, (5000, 3))
     voxels = np.floor(points / 0.1).astype(int)
-    _, expected = np.unique(voxels, axis=0, return_index=True)
-    np.testing.assert_array_equal(np.sort(first_in_voxel(points, 0.1)), np.sort(expected))
+    _, first, voxel = np.unique(voxels, axis=0, return_index=True, return_inverse=True)
+    np.testing.assert_array_equal(voxels_of(points, 0.1)[0], first)
+    np.testing.assert_array_equal(voxels_of(points, 0.1)[1], voxel.ravel())
 
 
-def test_no_points_have_no_first() -> None:
-    assert len(first_in_voxel(np.zeros((0, 3)), 0.1)) == 0
+def test_no_points_have_no_voxels() -> None:
+    assert [len(rows) for rows in voxels_of(np.zeros((0, 3)), 0.1)] == [0, 0]
 
 
 def test_a_voxel_holds_the_mean_of_all_that_was_put_in() -> None:

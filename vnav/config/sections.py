@@ -300,6 +300,13 @@ class FuseConfig(Section, path="fuse"):
     voxel_m: float = number(0.02, "[0.001, 1]", "m", "voxel of the cloud")
     octree_m: float = number(0.05, "[0.001, 1]", "m", "voxel of the octree and cell of the grid")
     mesh_voxel_m: float = number(0.03, "[0.001, 1]", "m", "voxel of the volume behind the mesh")
+    departed_after: int = whole(
+        3,
+        "[0, 1000]",
+        "keyframes",
+        "so many must see through a place, after the last that saw something there, for that to"
+        " have departed; 0: nothing departs",
+    )
     obstacle_min_m: float = number(
         0.10,
         "[0, 100]",

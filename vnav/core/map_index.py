@@ -18,6 +18,8 @@ class MapIndex:
     ----------
     points_world, sigma_m
         (L, 3) and (L,) float32: the landmarks and their standard deviation.
+    retired
+        (L,) bool: landmarks of what has departed, which have no descriptors.
     descriptors, owner
         (D, 128) uint8 and (D,) int32: one mean descriptor per landmark and word, and its landmark.
     described_start, described
@@ -50,6 +52,7 @@ class MapIndex:
 
     points_world: NDArray[np.float32]
     sigma_m: NDArray[np.float32]
+    retired: NDArray[np.bool_]
     descriptors: NDArray[np.uint8]
     owner: NDArray[np.int32]
     described_start: NDArray[np.int32]
@@ -75,6 +78,7 @@ class MapIndex:
         shapes: dict[str, tuple[type, tuple[int | None, ...]]] = {
             "points_world": (np.float32, (landmarks, 3)),
             "sigma_m": (np.float32, (landmarks,)),
+            "retired": (np.bool_, (landmarks,)),
             "descriptors": (np.uint8, (descriptors, None)),
             "owner": (np.int32, (descriptors,)),
             "described_start": (np.int32, (landmarks + 1,)),

@@ -33,6 +33,7 @@ class MappedKeyframe:
 
 def build(
     landmarks: Landmarks,
+    retired: NDArray[np.bool_],
     keyframes: Sequence[MappedKeyframe],
     tree: VocabularyTree,
     voxels: Voxels,
@@ -41,15 +42,17 @@ def build(
 ) -> MapIndex:
     """The index of a map; without landmarks it finds nothing, but is legal.
 
+    ``retired`` (L,): landmarks that are kept, but not described, so that nothing matches them;
     ``voxels``: what stands in the way of looks; ``rng`` draws the sample for the map's own
     statistics.
     """
-    means, owner, patch_world, paths = _described(landmarks, keyframes, tree)
+    means, owner, patch_world, paths = _described(landmarks, retired, keyframes, tree)
     covisible = _covisible(landmarks, len(keyframes), config.min_shared_landmarks)
     reference = landmarks.keyframe[np.unique(landmarks.landmark, return_index=True)[1]]
     return MapIndex(
         points_world=landmarks.points_world,
         sigma_m=landmarks.sigma_m,
+        retired=retired,
         descriptors=means,
         owner=owner,
         described_start=_starts(owner, len(landmarks)),
@@ -74,11 +77,16 @@ def build(
 
 
 def _described(
-    landmarks: Landmarks, keyframes: Sequence[MappedKeyframe], tree: VocabularyTree
+    landmarks: Landmarks,
+    retired: NDArray[np.bool_],
+    keyframes: Sequence[MappedKeyframe],
+    tree: VocabularyTree,
 ) -> tuple[NDArray[np.uint8], NDArray[np.int32], Floats, NDArray[np.int32]]:
     """Mean descriptors, their landmarks, patches and tree paths, in the order of the leaves."""
     descriptors, patches = _observed(landmarks, keyframes)
-    means, owner, patch_world = _means(landmarks.landmark, descriptors, patches, tree)
+    kept = ~retired[landmarks.landmark]
+    of_kept = landmarks.landmark[kept], descriptors[kept], patches[kept]
+    means, owner, patch_world = _means(*of_kept, tree)
     paths = tree.quantise(means)
     order = np.lexsort(paths.T[::-1])
     return means[order], owner[order], patch_world[order], paths[order]

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from vnav.core import se3
 from vnav.core.arrays import Array
 from vnav.core.camera import Intrinsics
-from vnav.volumes.cloud import first_in_voxel
+from vnav.volumes.cloud import voxels_of
 
 COLUMNS = 80  # of sampled pixels in an image; normals reach from one to the next
 VOXEL_M = 0.05  # of the surface, so that support is area and not time spent looking
@@ -35,7 +35,7 @@ def sample_surface(
         for depth, camera, T in zip(depths, cameras, T_any_camera, strict=True)
     ]
     both = np.concatenate([np.zeros((0, 6)), *views])
-    first = first_in_voxel(both[:, :3], VOXEL_M)
+    first, _ = voxels_of(both[:, :3], VOXEL_M)
     return Surface(both[first, :3], both[first, 3:])
 
 

@@ -4,22 +4,31 @@ from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from vnav.config import Config, FuseConfig
 from vnav.core import se3
 from vnav.core.grid import FREE, OCCUPIED, UNKNOWN, Grid
-from vnav.core.mapping import World
+from vnav.core.mapping import Landmarks, World
 from vnav.core.progress import Progress, silent
 from vnav.core.report import Report
 from vnav.errors import MapError
 from vnav.io.formats.grid_files import write_grid
 from vnav.io.formats.ply import write_cloud, write_mesh
-from vnav.io.store.artifacts import load_keyframe, load_odometry, load_optimised
+from vnav.io.store.artifacts import (
+    load_keyframe,
+    load_keyframe_depth,
+    load_odometry,
+    load_optimised,
+    map_cameras,
+    save_departed,
+)
 from vnav.io.store.map_folder import MapFolder
 from vnav.io.store.stage_reports import clock, finished, reused, settings_of
 from vnav.optimisation.camera_motion import velocities
 from vnav.planning.projection import project
 from vnav.threads import one_blas_thread
+from vnav.volumes.departed import DepthHistory
 from vnav.volumes.fusion import FusedVolumes, PosedFrame, fuse
 from vnav.volumes.octree import Leaves, Octree
 
@@ -30,16 +39,18 @@ STAGE = "fuse"
 def run(folder: MapFolder, config: Config, *, progress: Progress = silent) -> Report:
     """Fuse the keyframes that have a pose; MapError where their depth holds nothing to fuse.
 
-    Writes fuse/cloud.ply, occupancy.ot and .bt, mesh.ply, grid.pgm and .yaml.
+    Writes fuse/cloud.ply, occupancy.ot and .bt, mesh.ply, grid.pgm and .yaml, departed.npz.
     """
     started = clock()
-    settings, inputs = settings_of(config, STAGE), folder.inputs_of("odometry", "optimise")
+    settings = settings_of(config, "registration", STAGE)
+    inputs = folder.inputs_of("odometry", "optimise")
     if folder.is_current(STAGE, settings, inputs):
         return reused(folder, STAGE)
-    world = load_optimised(folder).world
-    views = PosedFrames(folder)
+    optimised, views = load_optimised(folder), PosedFrames(folder)
 
-    fused = fuse(views, len(views), config.fuse, progress)
+    history = views.history(config)
+    fused = fuse(views, history, config.fuse, progress)
+    landmarks_departed = views.departed(optimised.landmarks, history)
     leaves = _leaves(fused.octree, config.fuse)
     grid = project(leaves.centres_world, leaves.occupied, leaves.size_m, config.fuse)
 
@@ -49,8 +60,9 @@ def run(folder: MapFolder, config: Config, *, progress: Progress = silent) -> Re
         fused.octree.write(draft / "occupancy.bt")
         write_mesh(draft / "mesh.ply", fused.mesh)
         write_grid(draft, grid)
+        save_departed(draft, landmarks_departed)
 
-    return finished(folder, _report(fused, leaves, grid, world, len(views)), started)
+    return finished(folder, _report(fused, leaves, grid, optimised.world, len(views)), started)
 
 
 class PosedFrames:
@@ -65,7 +77,8 @@ class PosedFrames:
         later = optimised.depth_delay_s * velocities(poses, odometry.frames)
         poses = poses @ se3.exp(later)
         self._folder, self._frames, self._poses = folder, odometry.frames, poses
-        rows = odometry.keyframe_rows
+        self._cameras, self._keyframe_rows = map_cameras(folder), odometry.keyframe_rows
+        rows = self._keyframe_rows
         self._rows = rows[np.isfinite(poses[rows]).all((1, 2))].tolist()
 
     def __len__(self) -> int:
@@ -75,6 +88,22 @@ class PosedFrames:
         for row in self._rows:
             frame = load_keyframe(self._folder, row, self._frames)
             yield PosedFrame(frame, self._poses[row])
+
+    def history(self, config: Config) -> DepthHistory:
+        """Their depth in order, which tells what has departed."""
+        sigma_per_m2, fuse = config.registration.depth_sigma_per_m2, config.fuse
+        history = DepthHistory(sigma_per_m2, fuse.octree_m, fuse.departed_after)
+        for row in self._rows:
+            camera = self._cameras[self._frames.capture[row]]
+            history.add(load_keyframe_depth(self._folder, row), camera, self._poses[row])
+        return history
+
+    def departed(self, landmarks: Landmarks, history: DepthHistory) -> NDArray[np.bool_]:
+        """Which landmarks (L,) have departed since the last of these keyframes saw them."""
+        number = np.searchsorted(self._rows, self._keyframe_rows)
+        last_seen = np.zeros(len(landmarks), np.intp)
+        np.maximum.at(last_seen, landmarks.landmark, number[landmarks.keyframe])
+        return history.departed(landmarks.points_world, landmarks.sigma_m, last_seen)
 
 
 def _leaves(octree: Octree, config: FuseConfig) -> Leaves:
@@ -102,6 +131,7 @@ def _report(
         "octree_cubes": len(leaves),
         "mesh_vertices": len(fused.mesh.vertices_world),
         "mesh_triangles": len(fused.mesh.triangles),
+        "departed_voxels": len(fused.departed_world),
         "grid_m": [columns * grid.resolution_m, rows * grid.resolution_m],
         "share": {name: round(value, 4) for name, value in share.items()},
         "area_m2": area_m2,

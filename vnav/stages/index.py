@@ -9,7 +9,7 @@ from vnav.core.mapping import Odometry, OptimisedMap
 from vnav.core.progress import Progress, silent
 from vnav.core.report import Report
 from vnav.core.voxels import Voxels
-from vnav.io.store.artifacts import load_odometry, load_optimised, map_camera
+from vnav.io.store.artifacts import load_departed, load_odometry, load_optimised, map_camera
 from vnav.io.store.index_file import write_index
 from vnav.io.store.map_folder import MapFolder
 from vnav.io.store.stage_reports import clock, finished, reused, settings_of
@@ -25,7 +25,7 @@ from vnav.volumes.octree import Octree
 
 STAGE = "index"
 ASKED = 5  # keyframes that are sought in the finished index
-FORMAT = 3  # of index.npz: what was indexed by another one is indexed anew
+FORMAT = 4  # of index.npz: what was indexed by another one is indexed anew
 
 
 @one_blas_thread
@@ -37,11 +37,12 @@ def run(folder: MapFolder, config: Config, *, progress: Progress = silent) -> Re
     if folder.is_current(STAGE, settings, inputs):
         return reused(folder, STAGE)
     odometry, optimised, tree = load_odometry(folder), load_optimised(folder), load_tree(folder)
-    keyframes = _mapped(folder, odometry, optimised)
+    keyframes, retired = _mapped(folder, odometry, optimised), load_departed(folder)
 
     progress(STAGE, 0, 1)
     rng = np.random.default_rng([config.seed, 3])
-    index = build(optimised.landmarks, keyframes, tree, _voxels(folder), config.index, rng)
+    voxels, landmarks = _voxels(folder), optimised.landmarks
+    index = build(landmarks, retired, keyframes, tree, voxels, config.index, rng)
     found, asked = _found_again(LandmarkDatabase(index, tree), keyframes, config)
     progress(STAGE, 1, 1)
 
@@ -49,12 +50,19 @@ def run(folder: MapFolder, config: Config, *, progress: Progress = silent) -> Re
         write_index(draft, index)
 
     values = {"landmarks": len(index.points_world), "descriptors": len(index.descriptors)}
+    values |= {"retired": int(retired.sum())}
     values |= {"keyframes_asked": asked, "keyframes_found": found}
-    line = (
+    return finished(folder, Report(STAGE, values, _lines(values)), started)
+
+
+def _lines(values: dict[str, int]) -> tuple[str, ...]:
+    retired = f"; {values['retired']} are retired: what they were on has departed"
+    return (
         f"{values['landmarks']} landmarks under {values['descriptors']} descriptors;"
-        f" {found} of {asked} keyframes are found again"
+        f" {values['keyframes_found']} of {values['keyframes_asked']} keyframes are found again"
+        + retired
+        * (values["retired"] > 0),
     )
-    return finished(folder, Report(STAGE, values, (line,)), started)
 
 
 def _found_again(

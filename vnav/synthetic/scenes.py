@@ -21,6 +21,7 @@ from vnav.synthetic.furniture import (
     wall,
 )
 from vnav.synthetic.many_rooms import building
+from vnav.synthetic.rearranged import room_after, room_before
 from vnav.synthetic.repeating import shop, twin_rooms
 from vnav.synthetic.scene import Scene, closed_tour, placed, unlike
 
@@ -95,6 +96,8 @@ SCENES: dict[str, Callable[[int], Scene]] = {
     "library_unlike": unlike(library),
     "supermarket": supermarket,
     "supermarket_unlike": unlike(supermarket),
+    "room_before": room_before,
+    "room_after": room_after,
     "building_2": building(2),
     "building_12": building(12),
 }

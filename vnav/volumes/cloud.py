@@ -26,18 +26,25 @@ def filter_depth(depth_m: NDArray[np.float32], config: FuseConfig) -> NDArray[np
     return np.where(in_range & ~refused, depth_m, np.float32(0))
 
 
-def first_in_voxel(points: NDArray[np.floating], voxel_m: float) -> NDArray[np.intp]:
-    """Rows of the first of points (N, 3) in each voxel that has any, ordered by voxel."""
+def voxels_of(
+    points: NDArray[np.floating], voxel_m: float
+) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """Voxels that have any of points (N, 3), ordered by their corners: (V,) and (N,).
+
+    Row of the first point in each voxel, and the voxel of each point.
+    """
     if not len(points):
-        return np.zeros(0, np.intp)
+        return np.zeros(0, np.intp), np.zeros(0, np.intp)
     corners = np.floor(np.ascontiguousarray(points.T) / voxel_m).astype(np.int64)
     x, y, z = corners - corners.min(1, keepdims=True)
     key = (x * (y.max() + 1) + y) * (z.max() + 1) + z
     bits = len(key).bit_length()  # beside a key that counts from the corner: sorted as one number
     order = np.sort(key << bits | np.arange(len(key)))
-    key = order >> bits
+    key, row = order >> bits, order & ((1 << bits) - 1)
     first = np.r_[True, key[1:] != key[:-1]]
-    return np.asarray(order[first] & ((1 << bits) - 1))
+    voxel = np.empty_like(row)
+    voxel[row] = np.cumsum(first) - 1
+    return row[first], voxel
 
 
 class VoxelCloud:

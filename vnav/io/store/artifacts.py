@@ -187,6 +187,16 @@ def load_optimised(folder: MapFolder) -> OptimisedMap:
     return OptimisedMap(poses, covariance, Landmarks(**arrays), world, delay_s)
 
 
+def save_departed(draft: Path, landmarks: NDArray[np.bool_]) -> None:
+    """Write which landmarks (L,) of the map have departed."""
+    save_arrays(draft / "departed.npz", landmarks=landmarks)
+
+
+def load_departed(folder: MapFolder) -> NDArray[np.bool_]:
+    """Which landmarks (L,) of the map have departed, by the fuse stage."""
+    return _load(folder.stage("fuse") / "departed.npz")["landmarks"]
+
+
 def edges_to_arrays(edges: Iterable[Edge]) -> Arrays:
     """Edges as arrays i, j, probability (E,), T_i_j (E, 4, 4), information (E, 6, 6)."""
     edges = list(edges)
