@@ -137,13 +137,15 @@ def _report(
         "area_m2": area_m2,
     }
     shares = ", ".join(f"{value:.0%} {name}" for name, value in share.items())
-    lines = (
+    departed = f"{values['departed_voxels']} voxels were let go: later depth sees through them"
+    lines = [
         f"{keyframes} keyframes fused: cloud of {len(fused.cloud)} points, octree of"
         f" {len(leaves)} cubes, mesh of {len(fused.mesh.triangles)} triangles",
         f"grid {values['grid_m'][0]:.1f} x {values['grid_m'][1]:.1f} m: {shares};"
         f" {area_m2['free']:.1f} m2 free, {area_m2['occupied']:.1f} m2 occupied",
-    )
-    return Report(STAGE, values, lines, tuple(_warnings(grid, world)))
+        *[departed] * (values["departed_voxels"] > 0),
+    ]
+    return Report(STAGE, values, tuple(lines), tuple(_warnings(grid, world)))
 
 
 def _warnings(grid: Grid, world: World) -> list[str]:
