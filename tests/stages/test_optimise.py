@@ -160,8 +160,8 @@ def test_wrong_loops_are_refused_and_do_no_harm(
     wrong = [Edge(rows[i], rows[j], np.eye(4), right[0].information) for i, j in pairs]
     assert len(wrong) >= 0.1 * len(right) - 1
     solved = solution.solve(odometry, [*wrong, *right], matches, [camera], CONFIG)
-    assert not solved.graph.kept[: len(wrong)].any()
-    assert solved.graph.kept[len(wrong) :].all()
+    assert not solved.robust.graph.kept[: len(wrong)].any()
+    assert solved.robust.graph.kept[len(wrong) :].all()
     clean = result.T_world_camera
     np.testing.assert_allclose(aligned(solved.poses, clean), clean, atol=1e-3)
 

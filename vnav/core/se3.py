@@ -33,10 +33,10 @@ def transform(T_a_b: ArrayLike, points_b: ArrayLike) -> Array:
 
 
 def adjoint(T: ArrayLike) -> Array:
-    """Matrix (6, 6) that maps tangents on the right of T (4, 4) to tangents on its left."""
+    """Matrices (..., 6, 6) that map tangents on the right of T (..., 4, 4) to those on its left."""
     T = np.asarray(T, float)
-    R = T[:3, :3]
-    return np.block([[R, np.zeros((3, 3))], [np.cross(T[:3, 3], R.T).T, R]])
+    R = T[..., :3, :3]
+    return np.block([[R, np.zeros(R.shape)], [hat(T[..., :3, 3]) @ R, R]])
 
 
 def hat(v: ArrayLike) -> Array:

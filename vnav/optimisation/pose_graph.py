@@ -8,6 +8,7 @@ from typing import Any
 import gtsam
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import gammaincinv
 
 from vnav.core import se3
 from vnav.core.arrays import Array
@@ -16,6 +17,7 @@ from vnav.core.graph import component_roots
 from vnav.errors import VnavError
 
 INLIER_PROBABILITY = 0.9999  # of a right closure to pass the chi-squared test
+MAX_COST = float(gammaincinv(3, INLIER_PROBABILITY))  # half of chi-squared, 6 degrees of freedom
 STEP_CONVERGED = 1e-3  # relative decrease of the error within a step of GNC; a last fit is exact
 ROOT_SIGMA = 1e-4  # rad, m
 
@@ -63,6 +65,11 @@ def check_closures(T_world_camera: Array, closures: Sequence[Edge], max_sigmas: 
     return PoseGraph(T_world_camera, sigmas <= max_sigmas, sigmas, 0.0, 0.0)
 
 
+def fit(initial: Array, edges: Sequence[Edge]) -> Array:
+    """The poses (N, 4, 4) that fit edges best, all of which are trusted."""
+    return optimise(initial, edges, (), 0.0).T_world_camera
+
+
 def optimise_others(poses: Array, edges: Sequence[Edge], fixed: NDArray[np.intp]) -> Array:
     """Poses (N, 4, 4) of all frames by their edges, where those of the rows ``fixed`` are final."""
     graph = gtsam.NonlinearFactorGraph()
@@ -92,6 +99,7 @@ def _graduated_non_convexity(
     step = gtsam.LevenbergMarquardtParams()
     step.setRelativeErrorTol(STEP_CONVERGED)
     params = gtsam.GncLMParams(step)
+    params.setScheduler(gtsam.GncScheduler.SuperLinear)  # the other stops too early
     params.setLossType(gtsam.GncLossType.TLS)
     params.setKnownInliers(list(range(graph.size() - closures)))
     optimizer = gtsam.GncLMOptimizer(graph, values, params)

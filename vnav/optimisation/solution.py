@@ -1,6 +1,5 @@
 """Final poses of all frames from their edges and landmarks: claim 3, S7."""
 
-import dataclasses
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import compress
@@ -26,9 +25,9 @@ from vnav.optimisation.parts import (
     follow_keyframes,
     split_parts,
 )
-from vnav.optimisation.pose_graph import PoseGraph
 from vnav.optimisation.pose_noise import pose_noise
-from vnav.optimisation.segments import align_segments
+from vnav.optimisation.robust_graph import RobustGraph, robust_pose_graph
+from vnav.optimisation.second_look import SecondLook
 from vnav.optimisation.sensor_errors import DepthOf, MovingSensor
 from vnav.optimisation.sensor_model import SensorModel
 
@@ -37,13 +36,14 @@ from vnav.optimisation.sensor_model import SensorModel
 class Solution:
     """Poses (N, 4, 4) of the main part, its adjusted keyframes and landmarks, closures kept.
 
-    ``other_parts``: rows of the parts that no closure joins to it, by name, the largest first;
-    ``prior``: of keyframes whose poses were given.
+    ``robust``: what odometry and closures gave before keyframes were adjusted; ``other_parts``:
+    rows of the parts that no closure joins to it, by name, the largest first; ``prior``: of
+    keyframes whose poses were given.
     """
 
     poses: Array
     adjusted: AdjustedBundle
-    graph: PoseGraph
+    robust: RobustGraph
     closures: tuple[Edge, ...]
     other_parts: dict[str, NDArray[np.intp]]
     prior: PosePrior | None = None
@@ -57,20 +57,23 @@ def solve(
     config: Config,
     progress: Progress = silent,
     depth_of: DepthOf | None = None,
+    look: SecondLook | None = None,
 ) -> Solution:
     """Robust pose graph, bundle adjustment of the keyframes, then the frames between them.
 
     ``matches`` (M, 4): keyframe, feature, keyframe, feature; ``cameras``: one a capture. There is
     no pose graph where poses are given: `config.OptimiseConfig.given_poses` says whether they stay
     as they are or are a prior. ``depth_of``: a keyframe's depth image by its row; without these
-    nothing is said of delays.
+    nothing is said of delays. ``look``: a second one at stretches that closures contradict.
     """
-    adjustment = _Adjustment(odometry, matches, cameras, config, depth_of)
     if odometry.given:
+        adjustment = _Adjustment(odometry, matches, cameras, config, depth_of)
         return _solve_given(odometry, closures, adjustment)
-    graph, part = robust_pose_graph(odometry, closures, config)
+    robust = robust_pose_graph(odometry, closures, config.optimise, look)
+    odometry, graph = robust.odometry, robust.graph
+    adjustment = _Adjustment(odometry, matches, cameras, config, depth_of)
     kept = tuple(compress(closures, graph.kept))
-    in_main, other_parts = split_parts(part, odometry.T_world_before)
+    in_main, other_parts = split_parts(robust.part, odometry.T_world_before)
     poses = np.where(in_main[:, None, None], graph.T_world_camera, np.nan)
     progress("optimise", 1, 3)
     adjusted = adjustment.of_keyframes(poses, kept)
@@ -81,20 +84,7 @@ def solve(
     most = config.odometry.max_degenerate_frames
     poses, other_parts = attach_degenerate_frames(poses, odometry, other_parts, most)
     progress("optimise", 3, 3)
-    return Solution(poses, adjusted, graph, kept, other_parts)
-
-
-def robust_pose_graph(
-    odometry: Odometry, closures: Sequence[Edge], config: Config
-) -> tuple[PoseGraph, NDArray[np.int32]]:
-    """The pose graph over all frames, and the part (N,) of each; closures kept lie within one."""
-    segments = odometry.T_segment_camera, odometry.segment, odometry.frames.capture
-    initial, _ = align_segments(*segments, closures)
-    max_sigmas = config.optimise.max_closure_sigmas
-    graph = pose_graph.optimise(initial, odometry.edges, closures, max_sigmas)
-    _, part = align_segments(*segments, list(compress(closures, graph.kept)))
-    inside = np.array([part[e.i] == part[e.j] for e in closures], bool)
-    return dataclasses.replace(graph, kept=graph.kept & inside), part
+    return Solution(poses, adjusted, robust, kept, other_parts)
 
 
 def _solve_given(
@@ -111,7 +101,8 @@ def _solve_given(
     adjusted = adjustment.of_keyframes(poses, kept, prior)
     if not fixed:
         poses = follow_keyframes(poses, adjusted.T_world_camera, odometry, odometry.edges)
-    return Solution(poses, adjusted, graph, kept, {}, prior)
+    robust = RobustGraph(odometry, (), graph, odometry.segment)
+    return Solution(poses, adjusted, robust, kept, {}, prior)
 
 
 @dataclass(frozen=True)

@@ -8,6 +8,7 @@ from vnav.core.mapping import Odometry, OptimisedMap
 from vnav.core.report import Report
 from vnav.optimisation.bundle_graph import PosePrior
 from vnav.optimisation.landmarks import AdjustedBundle
+from vnav.optimisation.mending import CUT, LEFT_OUT, REGISTERED_AGAIN
 from vnav.optimisation.self_calibration import SensorCalibration
 from vnav.optimisation.solution import Solution
 
@@ -20,6 +21,7 @@ def solution_report(solution: Solution, result: OptimisedMap, odometry: Odometry
         f" {values['closures_kept']} closures kept, {values['closures_rejected']} rejected",
         _landmarks_line(solution.adjusted),
     ]
+    lines += _mended_lines(solution, odometry, LEFT_OUT, REGISTERED_AGAIN)
     lines += sensor_lines(solution.adjusted.sensor)
     if solution.prior:
         rad, m = solution.prior.sigmas[[0, 3]]
@@ -35,10 +37,11 @@ def _values(solution: Solution, result: OptimisedMap) -> dict[str, Any]:
         "frames": len(posed),
         "posed": int(posed.sum()),
         "parts": [{"first": int(r[0]), "last": int(r[-1]), "frames": len(r)} for r in parts],
+        "mended": [vars(mend) for mend in solution.robust.mends],
         "closures_kept": len(solution.closures),
-        "closures_rejected": len(solution.graph.kept) - len(solution.closures),
-        "graph_error_before": solution.graph.error_before,
-        "graph_error_after": solution.graph.error_after,
+        "closures_rejected": len(solution.robust.graph.kept) - len(solution.closures),
+        "graph_error_before": solution.robust.graph.error_before,
+        "graph_error_after": solution.robust.graph.error_after,
         **_sensor_values(adjusted.sensor),
         "landmarks": len(adjusted.landmarks),
         "observations": adjusted.observations,
@@ -47,6 +50,17 @@ def _values(solution: Solution, result: OptimisedMap) -> dict[str, Any]:
         "world": result.world.source,
         "floor_points": result.world.floor_points,
     }
+
+
+def _mended_lines(solution: Solution, odometry: Odometry, *how: str) -> list[str]:
+    """Which frames contradicted what, where these outcomes came of it."""
+    lines = []
+    for mend in solution.robust.mends:
+        frames = odometry.frames.rows_text(np.arange(mend.first, mend.last + 1))
+        what = f"{mend.closures} closures" if mend.closures else "the edges around them"
+        if mend.how in how:
+            lines.append(f"{frames}: odometry contradicts {what}: {mend.how}")
+    return lines
 
 
 def _landmarks_line(adjusted: AdjustedBundle) -> str:
@@ -96,12 +110,13 @@ def _given_line(prior: PosePrior) -> str:
 
 
 def _warnings(solution: Solution, result: OptimisedMap, odometry: Odometry) -> list[str]:
-    found = [
+    found = _mended_lines(solution, odometry, CUT)
+    found += [
         f"{odometry.frames.rows_text(rows)} are a part of their own, for no loop joins them to"
         f" the rest: their trajectory is in optimise/{name}, the map is of the main part"
         for name, rows in solution.other_parts.items()
     ]
-    closures, kept = len(solution.graph.kept), len(solution.closures)
+    closures, kept = len(solution.robust.graph.kept), len(solution.closures)
     if odometry.given and closures - kept > kept:
         found.append(
             f"the given poses contradict the images: {closures - kept} of {closures} pairs of"

@@ -2,6 +2,7 @@
 
 from collections import Counter
 from collections.abc import Sequence
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,14 +15,19 @@ from vnav.core.mapping import LoopVerdict, Odometry
 from vnav.core.progress import Progress, silent
 from vnav.core.report import Report
 from vnav.core.tree import VocabularyTree
-from vnav.io.store.artifacts import load_odometry, map_cameras, save_loops
+from vnav.io.store.artifacts import (
+    load_keyframe,
+    load_odometry,
+    map_cameras,
+    save_loops,
+)
 from vnav.io.store.map_folder import MapFolder
 from vnav.io.store.stage_reports import clock, finished, reused, settings_of
 from vnav.io.store.tree_file import load_tree
 from vnav.loop_closing.loop_candidates import by_appearance, by_proximity, view_overlap
 from vnav.loop_closing.loop_verification import Closures, LoopVerifier
-from vnav.optimisation import pose_graph
-from vnav.optimisation.segments import align_segments
+from vnav.optimisation.robust_graph import robust_pose_graph
+from vnav.optimisation.second_look import SecondLook
 from vnav.threads import one_blas_thread
 
 STAGE = "loops"
@@ -37,7 +43,9 @@ def run(folder: MapFolder, config: Config, *, progress: Progress = silent) -> Re
         return reused(folder, STAGE)
     odometry, tree, cameras = load_odometry(folder), load_tree(folder), map_cameras(folder)
 
-    found = close_loops(odometry, tree, cameras, config, progress)
+    views = partial(load_keyframe, folder, frames=odometry.frames)
+    look = SecondLook(odometry, cameras, views, config)
+    found = close_loops(odometry, tree, cameras, config, progress, look)
 
     with folder.writing(STAGE, settings, inputs) as draft:
         save_loops(draft, found.verdicts, found.edges, found.matches)
@@ -51,12 +59,13 @@ def close_loops(
     cameras: Sequence[Intrinsics],
     config: Config,
     progress: Progress = silent,
+    look: SecondLook | None = None,
 ) -> Closures:
     """Loops by appearance, then by nearness of the poses that those give, until nothing is new."""
     verifier, found = LoopVerifier(odometry, cameras, config, progress), Closures()
     verifier.verify(by_appearance(odometry, tree, config.loops), found)
     for _ in range(config.loops.proximity_rounds):
-        T_world_camera, part = _poses(odometry, found.edges, config)
+        T_world_camera, part = _poses(odometry, found.edges, config, look)
         overlap = view_overlap(odometry, T_world_camera, part, cameras)
         candidates = by_proximity(overlap, config.loops, found.tried)
         if not candidates:
@@ -66,17 +75,13 @@ def close_loops(
 
 
 def _poses(
-    odometry: Odometry, closures: Sequence[Edge], config: Config
+    odometry: Odometry, closures: Sequence[Edge], config: Config, look: SecondLook | None
 ) -> tuple[Array, NDArray[np.int32]]:
     """Poses (N, 4, 4) and parts (N,) as the closures so far give them, or as they were given."""
     if odometry.given:
         return odometry.T_segment_camera, odometry.segment
-    initial, part = align_segments(
-        odometry.T_segment_camera, odometry.segment, odometry.frames.capture, closures
-    )
-    max_sigmas = config.optimise.max_closure_sigmas
-    graph = pose_graph.optimise(initial, odometry.edges, closures, max_sigmas)
-    return graph.T_world_camera, part
+    robust = robust_pose_graph(odometry, closures, config.optimise, look)
+    return robust.graph.T_world_camera, robust.part
 
 
 def _report(verdicts: Sequence[LoopVerdict]) -> Report:

@@ -2,7 +2,7 @@
 
 import dataclasses
 from collections.abc import Sequence
-from functools import lru_cache
+from functools import lru_cache, partial
 from pathlib import Path
 
 import numpy as np
@@ -18,17 +18,20 @@ from vnav.core.trajectory import Trajectory
 from vnav.io.formats.g2o import write_g2o
 from vnav.io.formats.trajectories import write_tum
 from vnav.io.store.artifacts import (
+    load_keyframe,
     load_keyframe_depth,
     load_loop_edges,
     load_loops,
     load_odometry,
     map_cameras,
+    save_mended_edges,
     save_optimised,
     save_verdicts,
 )
 from vnav.io.store.map_folder import MapFolder
 from vnav.io.store.stage_reports import clock, finished, reused, settings_of
 from vnav.optimisation.pose_graph import PoseGraph
+from vnav.optimisation.second_look import SecondLook
 from vnav.optimisation.sensor_errors import DepthOf
 from vnav.optimisation.solution import Solution, solve
 from vnav.optimisation.solution_report import solution_report
@@ -52,8 +55,11 @@ def run(folder: MapFolder, config: Config, *, progress: Progress = silent) -> Re
     (closures, matches), verdicts = load_loop_edges(folder), load_loops(folder, "loops")
 
     farthest = config.odometry.max_depth_m
+    views = partial(load_keyframe, folder, frames=odometry.frames)
+    look = SecondLook(odometry, cameras, views, config)
+    depth_of = _near_depth(folder, farthest)
     solution = solve(
-        odometry, closures, matches, cameras, config, progress, _near_depth(folder, farthest)
+        odometry, closures, matches, cameras, config, progress, depth_of, look
     )
     surface = _keyframe_surface(folder, solution, odometry, cameras, farthest)
     rng = np.random.default_rng([config.seed, 2])
@@ -61,11 +67,12 @@ def run(folder: MapFolder, config: Config, *, progress: Progress = silent) -> Re
 
     with folder.writing(STAGE, settings, inputs) as draft:
         save_optimised(draft, result)
-        save_verdicts(draft, final_verdicts(verdicts, solution.graph))
+        save_verdicts(draft, final_verdicts(verdicts, solution.robust.graph))
         _write_trajectories(draft, odometry, result.T_world_camera)
         _write_other_parts(draft, odometry, solution)
-        edges = [*odometry.edges, *solution.closures]
-        write_g2o(draft / "graph.g2o", result.T_world_camera, edges)
+        edges = solution.robust.odometry.edges
+        save_mended_edges(draft, edges)
+        write_g2o(draft / "graph.g2o", result.T_world_camera, [*edges, *solution.closures])
 
     return finished(folder, solution_report(solution, result, odometry), started)
 
@@ -122,5 +129,5 @@ def _write_other_parts(draft: Path, odometry: Odometry, solution: Solution) -> N
     for name, rows in solution.other_parts.items():
         (draft / name).mkdir()
         poses = np.full_like(solution.poses, np.nan)
-        poses[rows] = solution.graph.T_world_camera[rows]
+        poses[rows] = solution.robust.graph.T_world_camera[rows]
         _write_trajectories(draft / name, odometry, poses)

@@ -197,6 +197,16 @@ def load_departed(folder: MapFolder) -> NDArray[np.bool_]:
     return _load(folder.stage("fuse") / "departed.npz")["landmarks"]
 
 
+def save_mended_edges(draft: Path, edges: Iterable[Edge]) -> None:
+    """Write odometry's edges as they are after the optimisation has mended them."""
+    save_arrays(draft / "edges.npz", **edges_to_arrays(edges))
+
+
+def load_mended_edges(folder: MapFolder) -> tuple[Edge, ...]:
+    """Odometry's edges that the poses of the optimise stage stand on."""
+    return edges_from_arrays(_load(folder.stage("optimise") / "edges.npz"))
+
+
 def edges_to_arrays(edges: Iterable[Edge]) -> Arrays:
     """Edges as arrays i, j, probability (E,), T_i_j (E, 4, 4), information (E, 6, 6)."""
     edges = list(edges)

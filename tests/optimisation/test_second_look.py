@@ -1,0 +1,77 @@
+"""A second look at neighbouring keyframes of the tiny capture, whose odometry is right to mm.
+
+What is wrong is 0.2 m off, a hundred times as far.
+"""
+
+import dataclasses
+from functools import partial
+
+import numpy as np
+import pytest
+
+from vnav.config import Config
+from vnav.core import se3
+from vnav.core.camera import Intrinsics
+from vnav.core.frame import Edge
+from vnav.core.mapping import Odometry
+from vnav.io.store.artifacts import load_keyframe
+from vnav.io.store.map_folder import MapFolder
+from vnav.optimisation.contradictions import Contradiction
+from vnav.optimisation.cycles import are_wrong
+from vnav.optimisation.second_look import CLEAR, SecondLook
+
+FORTY = 40  # closures: many, for they are not to count here
+SHIFT = se3.make(np.eye(3), [0.1, -0.17, 0.03])
+
+
+@pytest.fixture(scope="module")
+def look(odometry: Odometry, folder: MapFolder, camera: Intrinsics) -> SecondLook:
+    return SecondLook(
+        odometry, [camera], partial(load_keyframe, folder, frames=odometry.frames), Config()
+    )
+
+
+@pytest.fixture(scope="module", params=[0, 3])
+def right(request: pytest.FixtureRequest, odometry: Odometry) -> Contradiction:
+    """Closures that are right, across some stretch."""
+    i, j = odometry.keyframe_rows[request.param : request.param + 2].tolist()
+    T = odometry.T_segment_camera
+    return Contradiction(i, j, se3.inverse(T[i]) @ T[j], FORTY)
+
+
+def test_a_wrong_motion_is_replaced_by_the_one_that_closures_and_pixels_bear_out(
+    look: SecondLook, right: Contradiction
+) -> None:
+    # Closures far away imply the motion to some centimetres only.
+    about = se3.exp([0.01, -0.01, 0.02, 0.03, 0.02, -0.03])
+    stretch = dataclasses.replace(right, T_i_j=right.T_i_j @ about)
+    found = look.correct(stretch, right.T_i_j @ SHIFT)
+    assert found is not None
+    assert found.edge is not None
+    assert (found.edge.i, found.edge.j) == (right.i, right.j)
+    assert not are_wrong(se3.inverse(right.T_i_j) @ found.edge.T_i_j)
+
+
+def test_a_right_motion_stays_however_many_closures_contradict_it(
+    look: SecondLook, right: Contradiction
+) -> None:
+    for wrong in (SHIFT, se3.make(np.eye(3), [3.0, 0, 1.0])):
+        stretch = dataclasses.replace(right, T_i_j=right.T_i_j @ wrong)
+        assert look.correct(stretch, right.T_i_j) is None
+
+
+def test_a_right_motion_stays_against_an_alternative_that_pixels_do_not_bear_out(
+    odometry: Odometry, folder: MapFolder, camera: Intrinsics, right: Contradiction
+) -> None:
+    wrong = Edge(right.i, right.j, right.T_i_j @ SHIFT, np.eye(6))
+    tempted = dataclasses.replace(odometry, alternatives=(wrong,))
+    views = partial(load_keyframe, folder, frames=odometry.frames)
+    look = SecondLook(tempted, [camera], views, Config())
+    assert look.correct(dataclasses.replace(right, T_i_j=wrong.T_i_j), right.T_i_j) is None
+
+
+def test_the_right_motion_is_clear_of_a_wrong_one_and_of_none(
+    look: SecondLook, right: Contradiction
+) -> None:
+    log_odds = look.log_odds(right.i, right.j, [right.T_i_j, right.T_i_j @ SHIFT])
+    assert (log_odds[0, 1:] > CLEAR).all()

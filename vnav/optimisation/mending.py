@@ -1,0 +1,141 @@
+"""Odometry whose edges contradict each other: wrong ones are left out, or what they hold is cut."""
+
+import dataclasses
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import compress
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vnav.config import OptimiseConfig
+from vnav.core.frame import Edge
+from vnav.core.graph import chain
+from vnav.core.mapping import LOST, Odometry
+from vnav.optimisation.contested import agreement
+from vnav.optimisation.contradictions import Contradiction
+from vnav.optimisation.cycles import noise_factor, suspects
+from vnav.optimisation.gaps import find_gaps, right_edge
+from vnav.optimisation.second_look import Correction, SecondLook
+
+REASON = "its edges contradict each other"
+LEFT_OUT, REGISTERED_AGAIN, CUT = "left out", "registered again", "cut"
+
+
+@dataclass(frozen=True)
+class Mend:
+    """Frames ``first`` to ``last``, by row, that have edges which contradict others.
+
+    ``how``: `LEFT_OUT` where other edges hold the frames, `REGISTERED_AGAIN` where a new one does,
+    `CUT` where none does. ``closures``: that contradict them, 0 where other edges alone do.
+    """
+
+    first: int
+    last: int
+    how: str
+    closures: int = 0
+
+
+@dataclass(frozen=True)
+class Mended:
+    """Odometry whose edges agree, and how it was made so."""
+
+    odometry: Odometry
+    mends: tuple[Mend, ...] = ()
+
+
+def mend(
+    odometry: Odometry,
+    corrections: Sequence[Correction],
+    closures: Sequence[Edge],
+    config: OptimiseConfig,
+    look: SecondLook | None = None,
+) -> Mended:
+    """Odometry with the corrections, and without edges that its own cycles show to be wrong.
+
+    Alternatives stand in where they agree. Where cycles leave open which edge joins two segments,
+    closures and pixels decide. What nothing decides is cut.
+    """
+    odometry = _corrected(odometry, corrections)
+    mends = [_mend_of(correction) for correction in corrections]
+    suspect = suspects(odometry.edges, config.max_closure_sigmas)
+    if not suspect.any():
+        return Mended(odometry, tuple(mends))
+    trusted = list(compress(odometry.edges, ~suspect))
+    doubtful = [*compress(odometry.edges, suspect), *_alternatives(odometry, suspect)]
+    agrees, contested = _agreement(odometry, trusted, doubtful, config.max_closure_sigmas)
+    settled = _with_edges(odometry, [*trusted, *compress(doubtful, agrees)])
+    gaps = find_gaps(list(compress(doubtful, contested)), settled)
+    right = [right_edge(gap, settled, closures, look) for gap in gaps]
+    mended = _with_edges(odometry, [*settled.edges, *(e for e in right if e is not None)])
+    return Mended(mended, (*mends, *_mends(odometry, mended)))
+
+
+def _corrected(odometry: Odometry, corrections: Sequence[Correction]) -> Odometry:
+    """Odometry whose edges across each stretch are replaced by the correction's, if it has one."""
+    if not corrections:
+        return odometry
+    edges, degenerate = odometry.edges, odometry.degenerate_edges
+    for c in corrections:
+        new = () if c.edge is None else (c.edge,)
+        edges = (*(e for e in edges if not _is_across(e, c.stretch)), *new)
+        degenerate = tuple(e for e in degenerate if not _is_across(e, c.stretch))
+    return dataclasses.replace(_with_edges(odometry, edges), degenerate_edges=degenerate)
+
+
+def _is_across(edge: Edge, stretch: Contradiction) -> bool:
+    """Whether an edge leads from before a stretch's end to there or beyond."""
+    return min(edge.i, edge.j) < stretch.j <= max(edge.i, edge.j)
+
+
+def _mend_of(correction: Correction) -> Mend:
+    stretch = correction.stretch
+    how = CUT if correction.edge is None else REGISTERED_AGAIN
+    return Mend(stretch.i, stretch.j, how, stretch.closures)
+
+
+def _agreement(
+    odometry: Odometry, trusted: Sequence[Edge], doubtful: Sequence[Edge], max_sigmas: float
+) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+    """Doubtful edges that agree, and those that are contested, by noise as cycles show it."""
+    factor = noise_factor(odometry.edges)
+    weakened = [dataclasses.replace(e, information=e.information / factor**2) for e in doubtful]
+    return agreement(odometry.T_segment_camera, trusted, weakened, max_sigmas)
+
+
+def _alternatives(odometry: Odometry, suspect: NDArray[np.bool_]) -> list[Edge]:
+    """Other motions between the ends of suspects."""
+    ends = {(e.i, e.j) for e in compress(odometry.edges, suspect)}
+    return [e for e in odometry.alternatives if (e.i, e.j) in ends]
+
+
+def _with_edges(odometry: Odometry, edges: Sequence[Edge]) -> Odometry:
+    """Odometry of these edges alone, its segments and poses by them; frames they miss are lost."""
+    rows = odometry.keyframe_rows.tolist()
+    poses, segment = chain(len(odometry.frames), edges, rows)
+    edges = tuple(e for e in edges if segment[e.i] != LOST)
+    cut = (segment == LOST) & (odometry.segment != LOST)
+    reasons = tuple(REASON if c else r for c, r in zip(cut, odometry.reasons, strict=True))
+    return dataclasses.replace(
+        odometry, T_segment_camera=poses, segment=segment, reasons=reasons, edges=edges
+    )
+
+
+def _mends(before: Odometry, after: Odometry) -> tuple[Mend, ...]:
+    """What became of the edges that odometry has no more, in order; neighbours as one."""
+    kept = {id(e) for e in after.edges}
+    how = dict(_outcome(e, after.segment) for e in before.edges if id(e) not in kept)
+    found: list[Mend] = []
+    for row in sorted(how):
+        if found and found[-1].last == row - 1 and found[-1].how == how[row]:
+            found[-1] = dataclasses.replace(found[-1], last=row)
+        else:
+            found.append(Mend(row, row, how[row]))
+    return tuple(found)
+
+
+def _outcome(edge: Edge, segment: NDArray[np.int32]) -> tuple[int, str]:
+    """The frame, by row, that an edge held or would have held, and whether others hold it."""
+    if segment[edge.i] == LOST:
+        return edge.i, CUT
+    return edge.j, LEFT_OUT if segment[edge.i] == segment[edge.j] else CUT

@@ -1,0 +1,92 @@
+"""A second look at a stretch of odometry that closures contradict: by its keyframes' pixels."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from vnav.config import Config
+from vnav.core import se3
+from vnav.core.arrays import Array
+from vnav.core.camera import Intrinsics
+from vnav.core.frame import Edge, Frame, PoseEstimate, Rejected
+from vnav.core.mapping import Odometry
+from vnav.core.reduced_frame import reduced
+from vnav.features.matching import DescriptorMatcher
+from vnav.optimisation.contradictions import Contradiction
+from vnav.optimisation.cycles import are_wrong
+from vnav.optimisation.segments import same_pose
+from vnav.registration.dense import align
+from vnav.registration.judge import judge
+from vnav.registration.points3d import PointRegistration
+
+CLEAR = 4.6  # log-odds of 99 to 1; what is less clear is a tie
+Views = Callable[[int], Frame]  # the images of a keyframe, by its row
+
+
+@dataclass(frozen=True)
+class Correction:
+    """What replaces odometry across a stretch that closures contradict: an edge, or nothing."""
+
+    stretch: Contradiction
+    edge: Edge | None
+
+
+class SecondLook:
+    """Keyframes registered and judged anew, by what a map has stored of them."""
+
+    def __init__(
+        self, odometry: Odometry, cameras: Sequence[Intrinsics], views: Views, config: Config
+    ) -> None:
+        """``cameras``: one a capture; ``views``: the images of a keyframe, by its row."""
+        self._odometry, self._cameras, self._views = odometry, cameras, views
+        self._keyframes = {k.row: k for k in odometry.keyframes}
+        self._matcher, self._config = DescriptorMatcher(config.registration), config
+
+    def correct(self, stretch: Contradiction, T_i_j: Array) -> Correction | None:
+        """What odometry's motion ``T_i_j`` across a stretch is to be replaced by; None: it stays.
+
+        An edge near the motion that closures imply, where the pixels bear it out and odometry not;
+        nothing where these cannot tell the two. However many closures there are, pixels that bear
+        odometry out keep it: closures that are wrong together have one common cause.
+        """
+        edge = self._other_motion(stretch)
+        if edge is None or not are_wrong(se3.inverse(T_i_j) @ edge.T_i_j):
+            return None
+        log_odds = self.log_odds(stretch.i, stretch.j, [T_i_j, edge.T_i_j])
+        if not _is_near(edge, stretch) or log_odds[1, -1] < CLEAR:
+            return Correction(stretch, None) if log_odds[0, -1] < -CLEAR else None
+        if log_odds[0, 1] > CLEAR:
+            return None
+        return Correction(stretch, edge if log_odds[1, 0] > CLEAR else None)
+
+    def log_odds(self, i: int, j: int, motions: Sequence[Array]) -> Array:
+        """Of each motion (C,) from keyframe i to j against each (C + 1, C + 1), none the last."""
+        a, b = (reduced(self._views(row)) for row in (i, j))
+        return judge(a, b, motions, self._config.registration).log_odds
+
+    def _other_motion(self, stretch: Contradiction) -> Edge | None:
+        """An alternative near the motion that closures imply, else one registered from there."""
+        ends = stretch.i, stretch.j
+        found = (e for e in self._odometry.alternatives if (e.i, e.j) == ends)
+        return next((e for e in found if _is_near(e, stretch)), None) or self._registered(stretch)
+
+    def _registered(self, stretch: Contradiction) -> Edge | None:
+        """The edge by features, or by pixels where there are too few."""
+        i, j, predicted = stretch.i, stretch.j, stretch.T_i_j
+        camera = self._cameras[self._odometry.frames.capture[i]]
+        rng = np.random.default_rng([self._config.seed, i, j])
+        pair = PointRegistration(camera, camera, self._config.registration, self._matcher)
+        found = pair.register(self._keyframes[i], self._keyframes[j], rng, predicted)
+        if isinstance(found, PoseEstimate):
+            return Edge(i, j, found.T_a_b, found.information)
+        aligned = align(
+            self._views(i), self._views(j), camera, self._config.registration, predicted
+        )
+        if isinstance(aligned, Rejected) or not aligned.well_constrained:
+            return None
+        return Edge(i, j, aligned.T_a_b, aligned.information)
+
+
+def _is_near(edge: Edge, stretch: Contradiction) -> bool:
+    return bool(same_pose(se3.inverse(stretch.T_i_j) @ edge.T_i_j))
