@@ -51,6 +51,7 @@ bench-real: setup
 	$(BIN)/python benchmarks/degraded_photos.py bench/maps/house ../shared/captures/house --record
 	$(BIN)/python benchmarks/false_loops.py bench/maps/house ../shared/captures/house --record
 	$(BIN)/python benchmarks/repeating.py bench/repeating --seeds 1 --record
+	$(BIN)/python benchmarks/broken_odometry.py bench/maps/house ../shared/captures/house --record
 	$(BIN)/python benchmarks/hard_versions.py $(CAPTURES) --out bench
 	-$(BIN)/vnav evaluate bench/hard.toml --out bench/hard
 	-$(BIN)/vnav evaluate bench/seeds.toml --seeds 5 --out bench/seeds

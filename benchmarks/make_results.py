@@ -37,8 +37,9 @@ Times are medians: for each frame of a capture, or for one photo. A ratio is to 
 against, measured in the same run.
 """,
     "how robust": """\
-Captures made worse, other seeds, false loops, maps completed later. A frame is usable where enough
-of it is neither black nor clipped. Spread: the largest less the smallest ATE, of the median.
+Captures made worse, other seeds, false loops, broken odometry, maps completed later. A frame is
+usable where enough of it is neither black nor clipped. Spread: the largest less the smallest ATE,
+of the median.
 """,
     "how large": """\
 Finished maps on disk, and the most memory that `vnav build-map` took.

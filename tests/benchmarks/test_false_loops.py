@@ -5,7 +5,9 @@ from types import ModuleType
 import numpy as np
 import pytest
 
+from vnav.core import se3
 from vnav.core.frame import Edge
+from vnav.synthetic.circle import walk
 
 
 @pytest.fixture(scope="module")
@@ -27,6 +29,20 @@ def test_false_loops_look_like_accepted_ones_and_join_what_none_joins(
         assert (e.i, e.j) not in {(edge.i, edge.j) for edge in edges}
         (like,) = [edge for edge in edges if (edge.information == e.information).all()]
         np.testing.assert_array_equal(e.T_i_j, like.T_i_j)
+
+
+def test_loops_of_a_false_set_agree_with_each_other_on_a_wrong_place(
+    false_loops: ModuleType,
+) -> None:
+    # Noise of 1 mm and 1 mrad over distances of up to 3 m: 6 sigmas of both together are 0.03 m.
+    poses = walk(100)
+    like = (Edge(0, 1, np.eye(4), np.eye(6) * 1e6),)
+    found = false_loops.false_set(like, np.arange(0, 100, 2), poses, np.random.default_rng(1))
+    assert len(found) == 40
+    moved = np.stack([poses[e.i] @ e.T_i_j @ se3.inverse(poses[e.j]) for e in found])
+    off = moved[:, :3, 3] - moved[0, :3, 3]
+    assert np.linalg.norm(off, axis=1).max() < 0.03
+    assert np.linalg.norm(moved[0, :3, 3]) > 0.3
 
 
 def test_none_survives_in_the_small_room(

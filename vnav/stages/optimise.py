@@ -58,9 +58,7 @@ def run(folder: MapFolder, config: Config, *, progress: Progress = silent) -> Re
     views = partial(load_keyframe, folder, frames=odometry.frames)
     look = SecondLook(odometry, cameras, views, config)
     depth_of = _near_depth(folder, farthest)
-    solution = solve(
-        odometry, closures, matches, cameras, config, progress, depth_of, look
-    )
+    solution = solve(odometry, closures, matches, cameras, config, progress, depth_of, look)
     surface = _keyframe_surface(folder, solution, odometry, cameras, farthest)
     rng = np.random.default_rng([config.seed, 2])
     result = place_in_world(solution, odometry, surface, rng)
