@@ -35,6 +35,16 @@ def test_quaternion_and_rotation_undo_each_other() -> None:
     np.testing.assert_allclose(se3.rotation_from_quat(se3.quat_xyzw(R)), R, atol=ROUNDING)
 
 
+def test_rotations_that_rounding_has_spoiled_become_exact() -> None:
+    noise = np.random.default_rng(2).uniform(-1e-5, 1e-5, (len(T), 3, 3))
+    spoiled = T.copy()
+    spoiled[:, :3, :3] += noise
+    exact = se3.orthonormal(spoiled)
+    assert not se3.is_rigid(spoiled, ROUNDING)
+    assert se3.is_rigid(exact, ROUNDING)
+    np.testing.assert_allclose(exact, T, atol=5e-5)
+
+
 def test_the_quaternion_of_a_quarter_turn_about_z_puts_w_last() -> None:
     quarter = [[0, -1, 0], [1, 0, 0], [0, 0, 1]]
     half = np.sqrt(0.5)

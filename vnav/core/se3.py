@@ -116,6 +116,12 @@ def rotation_from_quat(q_xyzw: ArrayLike) -> Array:
     return np.asarray(np.eye(3) + 2 * q[..., 3, None, None] * V + 2 * V @ V)
 
 
+def orthonormal(T: ArrayLike) -> Array:
+    """Transforms (..., 4, 4) whose rotations are exact, from such that rounding has spoiled."""
+    T = np.asarray(T, float)
+    return make(rotation_from_quat(quat_xyzw(T)), T[..., :3, 3])
+
+
 def rotation_angle(R: ArrayLike) -> Array:
     """Angle in radians (...) of rotations (..., 3, 3) or transforms (..., 4, 4)."""
     return np.asarray(np.linalg.norm(log_so3(np.asarray(R, float)[..., :3, :3]), axis=-1))

@@ -53,7 +53,7 @@ def align(
     is contradicted.
     """
     images = ImagePair.of(a, b, intrinsics)
-    T_a_b = predicted
+    T_a_b = se3.orthonormal(predicted)
     for blur_px in BLURS_PX:
         terms = images.terms(blur_px, config.depth_sigma_per_m2)
         T_a_b = _minimised(terms, T_a_b, predicted)

@@ -3,6 +3,7 @@
 import numpy as np
 
 from vnav.config import RegistrationConfig
+from vnav.core import se3
 from vnav.core.arrays import Array
 from vnav.core.frame import PoseEstimate, Rejected
 from vnav.registration.correspondences import Correspondences
@@ -35,7 +36,8 @@ def refine_motion(
 ) -> PoseEstimate | Rejected:
     """The estimate refined from a first motion; Rejected where the inliers do not fix it."""
     matches = correspondences.matches
-    T_a_b, information, squared = correspondences.refined(T_a_b)
+    refined, information, squared = correspondences.refined(T_a_b)
+    T_a_b = se3.orthonormal(refined)  # else rounding grows from prediction to prediction
     inlier = squared < INLIER_SIGMAS_SQUARED
     count = int(inlier.sum())
     if count < config.min_inliers:

@@ -88,4 +88,4 @@ def _read_pose(path: Path) -> NDArray[np.float64]:
         raise TrajectoryError(
             f"expected a rotation and a translation in {path}, found {T.tolist()}"
         )
-    return se3.make(se3.rotation_from_quat(se3.quat_xyzw(T)), T[:3, 3])
+    return se3.orthonormal(T)
