@@ -145,9 +145,9 @@ class PoseChoice:
         return ChosenMotions(estimates, {row: e for row, e in other.items() if row in estimates})
 
     def _weighed(self, number: int) -> Motions:
-        """The motions to a pose with their probability, oldest target first."""
+        """The motions to a pose with their probability, that of the newest target first."""
         p = float(self._probabilities[number])
-        motions = sorted(self._poses[number].motions.items())
+        motions = sorted(self._poses[number].motions.items(), reverse=True)
         return {row: replace(estimate, probability=p) for row, estimate in motions}
 
     def _known(self, T_track_current: Array) -> _Pose:
