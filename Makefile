@@ -50,6 +50,7 @@ bench-real: setup
 	$(BIN)/python benchmarks/accuracy.py $(CAPTURES) $(DESK) --maps bench/maps --record
 	$(BIN)/python benchmarks/degraded_photos.py bench/maps/house ../shared/captures/house --record
 	$(BIN)/python benchmarks/false_loops.py bench/maps/house ../shared/captures/house --record
+	$(BIN)/python benchmarks/moved_furniture.py --record
 	$(BIN)/python benchmarks/repeating.py bench/repeating --seeds 1 --record
 	$(BIN)/python benchmarks/broken_odometry.py bench/maps/house ../shared/captures/house --record
 	$(BIN)/python benchmarks/hard_versions.py $(CAPTURES) --out bench

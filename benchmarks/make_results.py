@@ -39,7 +39,7 @@ against, measured in the same run.
     "how robust": """\
 Captures made worse, other seeds, false loops, broken odometry, maps completed later. A frame is
 usable where enough of it is neither black nor clipped. Spread: the largest less the smallest ATE,
-of the median.
+of the median. "As it is now": the share of places that a map shows so after furniture was moved.
 """,
     "how large": """\
 Finished maps on disk, and the most memory that `vnav build-map` took.
