@@ -37,7 +37,9 @@ def test_the_demo_says_how_true_its_answers_are(on_the_miniature, tmp_path: Path
     """Depth noise of a centimetre, averaged over hundreds of landmarks, leaves millimetres."""
     result = on_the_miniature(0.2)
     assert result.return_value == 0
-    assert result.stdout.count("up to date") == len(STAGES) + 1  # and the map as a whole
+    assert (
+        result.stdout.count("up to date") == len(STAGES) + 2
+    )  # and the map as a whole, and the verdict
     assert "60 of 60 frames have a pose" in result.stdout
     ate_mm = float(re.search(r"off by (\S+) mm \(ATE", result.stdout)[1])
     assert 0 < ate_mm < 20

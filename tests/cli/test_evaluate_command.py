@@ -125,7 +125,7 @@ def test_the_json_has_all_values_and_the_peers(evaluated: Evaluated) -> None:
 def test_every_stage_has_wall_and_cpu_time_and_the_run_its_memory(evaluated: Evaluated) -> None:
     seconds = evaluated.results["runs"][0]["seconds"]
     assert set(seconds) == {
-        *("odometry", "vocabulary", "loops", "optimise", "fuse", "index", "map")
+        *("odometry", "vocabulary", "loops", "optimise", "fuse", "index", "map", "quality")
     }
     assert all(of["wall"] > 0 and of["cpu"] > 0 for of in seconds.values())
     assert sum(seconds[s]["cpu"] for s in seconds if s != "map") <= seconds["map"]["cpu"]

@@ -150,7 +150,8 @@ def _queries(
 
 
 def _of_the_map(folder: MapFolder, reports: Sequence[Report]) -> dict[str, Any]:
-    found, whole = overview(folder), reports[-1]
+    found = overview(folder)
+    whole = next(report for report in reports if report.stage == "map")
     return {name: found[name] for name in OF_THE_MAP} | {
         "seconds": {r.stage: {"wall": r.seconds, "cpu": r.cpu_seconds} for r in reports},
         "peak_memory_mb": whole.values["peak_memory_mb"],

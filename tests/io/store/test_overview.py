@@ -75,7 +75,7 @@ def test_what_was_made_from_an_older_stage_is_stale_and_left_out(folder: MapFold
 
 def test_an_empty_map_has_no_numbers(tmp_path: Path) -> None:
     values = overview(MapFolder.create(tmp_path / "map"))
-    assert set(values) == {"map", "size_mb", "stages", "captures", "current"}
+    assert set(values) == {"map", "size_mb", "stages", "captures", "current", "quality"}
     assert values["captures"] == []
 
 
