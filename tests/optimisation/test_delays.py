@@ -7,11 +7,13 @@ import pytest
 
 from vnav.config import Config, OptimiseConfig, RegistrationConfig
 from vnav.core import se3
-from vnav.core.frame import Edge, Features
+from vnav.core.frame import Edge, Features, PoseEstimate
 from vnav.core.mapping import FrameFeatures, FrameTable, Odometry
 from vnav.features.lifting import lift
 from vnav.optimisation.sensor_errors import SensorErrors
 from vnav.optimisation.solution import Solution, solve
+from vnav.registration.correspondences import Correspondences
+from vnav.registration.estimation import estimate_motion
 from vnav.synthetic import MINIATURE, Scene, one_room
 from vnav.synthetic.rendered_capture import camera_poses
 
@@ -21,7 +23,6 @@ PAN_RAD, PAN_S = 0.25, 1.0  # 1.6 rad/s at most
 SPEED_M_PER_S = 0.3
 PIXEL_SIGMA = 0.2
 TRUE = SensorErrors(0.0, 0.02, 8e-5)
-INFORMATION = np.diag(np.repeat([0.002, 0.004], 3) ** -2.0)
 
 
 def pose(at_s: np.ndarray) -> np.ndarray:
@@ -79,12 +80,14 @@ def recorded() -> tuple[list[FrameFeatures], list[np.ndarray]]:
 
 
 def edge(a: FrameFeatures, b: FrameFeatures) -> Edge:
-    """The motion that fits the points best as they were measured, but for what does not agree."""
-    T_a_b = se3.inverse(pose(np.array([a.row / RATE_HZ]))[0]) @ pose(np.array([b.row / RATE_HZ]))[0]
-    for _ in range(5):
-        off = np.linalg.norm(a.points_camera - se3.transform(T_a_b, b.points_camera), axis=1)
-        T_a_b = se3.align(a.points_camera[off < 0.08], b.points_camera[off < 0.08])
-    return Edge(a.row, b.row, T_a_b, INFORMATION)
+    """The motion that registration finds from the matches, which are known."""
+    both = np.flatnonzero(a.has_depth & b.has_depth)
+    matches = np.column_stack([both, both]).astype(np.int32)
+    found = estimate_motion(
+        Correspondences(a, b, matches, (CAMERA, CAMERA), CONFIG), CONFIG, np.random.default_rng(0)
+    )
+    assert isinstance(found, PoseEstimate)
+    return Edge(a.row, b.row, found.T_a_b, found.information)
 
 
 def solved(
