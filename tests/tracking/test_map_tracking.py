@@ -43,7 +43,7 @@ def edges_to(
     motion.update(0, {})
     tracker.add(keyframe, first, {})
     motion.update(3, {0: T_first_frame})
-    return tracker.track(3, frame, frame.intrinsics)
+    return tracker.track(3, frame, 0.9)
 
 
 def test_the_edge_is_as_good_as_it_says(
@@ -53,7 +53,7 @@ def test_the_edge_is_as_good_as_it_says(
     (edge,) = edges_to(frames[3], described, frames[0], true @ OFF_BY)
     off = se3.inverse(true) @ edge.T_i_j
     xi = np.concatenate([se3.log_so3(off[:3, :3]), off[:3, 3]])
-    assert (edge.i, edge.j) == (0, 3)
+    assert (edge.i, edge.j, edge.probability) == (0, 3, 0.9)
     assert xi @ edge.information @ xi < 22.5  # 6 degrees of freedom: 99.9 % are below
     assert np.linalg.norm(xi[3:]) < np.linalg.norm(OFF_BY[:3, 3])
 
@@ -75,7 +75,7 @@ def test_a_frame_of_another_track_has_no_edge(
     motion.update(0, {})
     tracker.add(described, frames[0], {})
     motion.update(3, {})
-    assert tracker.track(3, frames[3], frames[3].intrinsics) == []
+    assert tracker.track(3, frames[3], 0.9) == []
 
 
 def test_by_default_there_is_no_edge_by_patches(

@@ -35,21 +35,22 @@ class MapTracker:
         if self._config.odometry.against_map:
             self._map.add(keyframe, frame, estimates)
 
-    def track(self, row: int, frame: Frame, camera: Intrinsics) -> list[Edge]:
+    def track(self, row: int, frame: Frame, probability: float) -> list[Edge]:
         """An edge to a frame whose pose is known, from the nearest keyframe that sees the same.
 
-        All patches that are found again tell it together. Empty where too few are, or where the
-        setting is off.
+        All patches that are found again tell it together; its ``probability`` is that of the pose,
+        near which they were sought. Empty where too few are found, or where the setting is off.
         """
         if not self._config.odometry.against_map:
             return []
-        found = _aligned(self._map.visible(self._poses_from(row), camera), frame, camera)
-        estimate = self._refined(found, row, frame, camera) if found else None
+        found = _aligned(self._map.visible(self._poses_from(row), frame.intrinsics), frame)
+        estimate = self._refined(found, row, frame) if found else None
         if estimate is None:
             return []
         for points in found:
             self._map.count_matched(points.keyframe, points.rows)
-        return [Edge(found[0].keyframe.row, row, estimate.T_a_b, estimate.information)]
+        first = found[0].keyframe.row
+        return [Edge(first, row, estimate.T_a_b, estimate.information, probability)]
 
     def _poses_from(self, row: int) -> dict[int, Array]:
         """How the frame stands to the keyframes of its track, by their rows."""
@@ -57,9 +58,7 @@ class MapTracker:
         T_camera_keyframe = {k: self._motion.between(row, k) for k in rows}
         return {k: T for k, T in T_camera_keyframe.items() if T is not None}
 
-    def _refined(
-        self, found: list[VisiblePoints], row: int, frame: Frame, camera: Intrinsics
-    ) -> PoseEstimate | None:
+    def _refined(self, found: list[VisiblePoints], row: int, frame: Frame) -> PoseEstimate | None:
         """The pose from the nearest keyframe, by robust reprojection and inverse depth."""
         T_camera_a, a_row = found[0].T_camera_keyframe, found[0].keyframe.row
         T_a_camera, points_a = se3.inverse(T_camera_a), []
@@ -70,17 +69,18 @@ class MapTracker:
         config, farthest = self._config.registration, self._config.odometry.max_depth_m
         near = np.where(frame.depth_m <= farthest, frame.depth_m, np.float32(0))
         a = _undescribed(a_row, px, np.concatenate(points_a))
-        b = _undescribed(row, px, lift(px.astype(np.float32), near, camera, config))
+        b = _undescribed(row, px, lift(px.astype(np.float32), near, frame.intrinsics, config))
         matches = np.repeat(np.arange(len(px), dtype=np.int32)[:, None], 2, 1)
-        correspondences = Correspondences(a, b, matches, (camera, camera), config)
+        cameras = frame.intrinsics, frame.intrinsics
+        correspondences = Correspondences(a, b, matches, cameras, config)
         estimate = refine_motion(T_a_camera, correspondences, config)
         return estimate if isinstance(estimate, PoseEstimate) else None
 
 
-def _aligned(seen: list[VisiblePoints], frame: Frame, camera: Intrinsics) -> list[VisiblePoints]:
+def _aligned(seen: list[VisiblePoints], frame: Frame) -> list[VisiblePoints]:
     """The points whose patches are found in the frame, with the pixels where: S24 to S252."""
     grey = grey_image(frame)
-    found = [_found(points, grey, camera) for points in seen]
+    found = [_found(points, grey, frame.intrinsics) for points in seen]
     return [points for points in found if len(points.rows)]
 
 

@@ -48,7 +48,8 @@ class VisualOdometry:
             self.skip(features.row, f"{count} features with depth")
             return False
         degenerate = self._record(features.row, choice, dense)
-        self._edges += self._map.track(features.row, frame, frame.intrinsics)
+        probability = min((e.probability for e in choice.estimates.values()), default=1.0)
+        self._edges += self._map.track(features.row, frame, probability)
         self._dense.remember(features.row, frame, degenerate)
         is_keyframe = has_features and not degenerate and self._is_keyframe(choice.estimates)
         if has_features:
