@@ -57,12 +57,15 @@ def measured(on: str, what: str, runs: dict[str, list[dict[str, float]]]) -> lis
     middle = {name: median(run[name] for run in runs[what]) for name in runs[what][0]}
     without = median(run["time"] for run in runs[OFF])
     ates = [run["ATE"] for run in runs[what]]
-    return [
+    found = [
         Measurement(on, what, "ATE RMSE", middle["ATE"], "m"),
-        Measurement(on, what, "spread of ATE", 100 * (max(ates) - min(ates)) / middle["ATE"], "%"),
         Measurement(on, what, "RPE over a frame", 1000 * middle["RPE"], "mm"),
         Measurement(on, what, "odometry's time, of that without", middle["time"] / without),
     ]
+    if len(ates) > 1:
+        spread = 100 * (max(ates) - min(ates)) / middle["ATE"]
+        found.append(Measurement(on, what, "spread of ATE", spread, "%"))
+    return found
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
