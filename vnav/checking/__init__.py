@@ -1,1 +1,1 @@
-"""Is a capture fit to be mapped."""
+"""Is a capture fit to be mapped; does a map agree with itself."""

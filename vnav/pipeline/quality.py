@@ -1,21 +1,28 @@
-"""What a map knows of its own faults, and the verdict on it."""
+"""What a map knows of its own faults, and the verdict on it.
 
-from collections.abc import Callable, Sequence
+Thresholds were fitted on rendered maps by benchmarks/verdicts.py, as docs/decisions.md says.
+"""
+
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
-from typing import Any
+from itertools import compress
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
+from vnav.checking.motions import Seen, contradicting_loops, unborne_steps
 from vnav.checking.revisits import Agreement, agreement, disagreeing
 from vnav.config import Config
 from vnav.core import se3
 from vnav.core.arrays import Array
-from vnav.core.mapping import CONTRADICTS, LOST, LoopVerdict, Odometry
+from vnav.core.frame import Edge
+from vnav.core.mapping import CONTRADICTS, LOST, Odometry
 from vnav.core.reduced_frame import ReducedFrame, reduced
 from vnav.io.store.artifacts import (
     load_keyframe,
+    load_loop_edges,
     load_loops,
     load_odometry,
     load_optimised,
@@ -24,14 +31,15 @@ from vnav.io.store.artifacts import (
 from vnav.io.store.map_folder import MapFolder
 from vnav.loop_closing.loop_candidates import are_apart, view_overlap
 
-MOST_PAIRS = 150  # of keyframes that are compared
+MOST_PAIRS = 150  # of keyframes, and of rejected loops, that are looked at
 MIN_OVERLAP = 0.3  # share of the view that both see
 NEIGHBOURS = 1, 2  # keyframes onward that tell what is usual
 DISAGREEING, LEAST_DISAGREEING = 0.2, 2  # share of revisits, and number, that speak against a map
-CONTRADICTING, LEAST_CONTRADICTING = 0.5, 5  # share of loops, and number, that speak against it
+LEAST_CONTRADICTING = 5  # rejected loops that do; chance makes 1.5 of 150
+LEAST_UNBORNE = 2  # steps from keyframe to keyframe that do
 UNSURE = 0.5  # probability of a motion, below which it is doubtful
 
-Pair = tuple[int, int]
+Item = TypeVar("Item")
 
 
 @dataclass(frozen=True)
@@ -45,23 +53,32 @@ class Quality:
     def line(self) -> str:
         """The verdict for a person."""
         if self.doubts:
-            return f"doubtful, for {len(self.doubts)} of 3 reasons"
-        return "good: revisits, loops and motions agree"
+            return f"doubtful, for {len(self.doubts)} of 4 reasons"
+        return "good: revisits, loops, steps and motions agree"
 
 
 def assess(folder: MapFolder, config: Config) -> Quality:
-    """The verdict on a finished map, by its revisits, its loops and its motions."""
+    """The verdict on a finished map, by its revisits, loops, steps and motions."""
     odometry, poses = load_odometry(folder), load_optimised(folder).T_world_camera
-    revisits, neighbours = _compared(folder, odometry, poses, config)
+    rows, registration = odometry.keyframe_rows, config.registration
+
+    @cache
+    def seen(row: int) -> ReducedFrame:
+        return reduced(load_keyframe(folder, row, odometry.frames))
+
+    revisits, neighbours = _compared(folder, odometry, poses, seen, config)
     apart = disagreeing(revisits, neighbours)
-    loops = [v for v in load_loops(folder) if v.accepted or v.reason == CONTRADICTS]
-    against = [v for v in loops if not v.accepted]
+    loops, rejected = _loops(folder)
+    against = contradicting_loops(_spread(rejected), poses, seen, registration)
+    unborne = unborne_steps(rows, odometry.segment, poses, seen, registration)
     unsure = unsure_rows(odometry)
     doubts = []
     if len(apart) > max(DISAGREEING * len(revisits), LEAST_DISAGREEING - 1):
         doubts.append(_disagreement(apart, revisits, odometry))
-    if len(against) > max(CONTRADICTING * len(loops), LEAST_CONTRADICTING - 1):
-        doubts.append(_contradiction(against, loops, odometry))
+    if len(against) >= LEAST_CONTRADICTING:
+        doubts.append(_contradiction(against, odometry))
+    if len(unborne) >= LEAST_UNBORNE:
+        doubts.append(_unborne(unborne, odometry))
     if len(unsure):
         doubts.append(_uncertainty(unsure, odometry))
     values = {
@@ -69,8 +86,10 @@ def assess(folder: MapFolder, config: Config) -> Quality:
         "doubts": doubts,
         "revisits": len(revisits),
         "revisits_disagreeing": len(apart),
-        "loops": len(loops),
+        "loops": loops,
+        "loops_rejected": len(rejected),
         "loops_contradicting": len(against),
+        "steps_unborne": len(unborne),
         "motions_unsure": len(unsure),
     }
     return Quality(tuple(doubts), values)
@@ -86,66 +105,64 @@ def unsure_rows(odometry: Odometry) -> NDArray[np.intp]:
     return np.flatnonzero(into & (best < UNSURE))
 
 
+def _loops(folder: MapFolder) -> tuple[int, list[Edge]]:
+    """How many loops were found, and those that the map turned down."""
+    edges, _ = load_loop_edges(folder)
+    found = [v for v in load_loops(folder) if v.accepted or v.reason == CONTRADICTS]
+    return len(found), list(compress(edges, (not v.accepted for v in found)))
+
+
 def _compared(
-    folder: MapFolder, odometry: Odometry, poses: Array, config: Config
+    folder: MapFolder, odometry: Odometry, poses: Array, seen: Seen, config: Config
 ) -> tuple[list[Agreement], list[Agreement]]:
     """How keyframes agree with those that see the same at another time, and with the next."""
     rows = odometry.keyframe_rows
     part = np.where(np.isfinite(poses[:, 0, 0]), 0, LOST).astype(np.int32)
     overlap = view_overlap(odometry, poses, part, map_cameras(folder))
 
-    @cache
-    def seen(k: int) -> ReducedFrame:
-        return reduced(load_keyframe(folder, int(rows[k]), odometry.frames))
-
-    def compare(pairs: Sequence[Pair]) -> list[Agreement]:
-        found = (_agreement(pair, rows, poses, seen, config) for pair in pairs)
-        return [agreement for agreement in found if agreement is not None]
+    def compare(wanted: NDArray[np.bool_]) -> list[Agreement]:
+        found = []
+        for i, j in _spread(rows[np.argwhere(wanted)].tolist()):
+            T_i_j = se3.inverse(poses[i]) @ poses[j]
+            found.append(agreement((i, j), (seen(i), seen(j)), T_i_j, config.registration))
+        return [a for a in found if a is not None]
 
     apart = are_apart(odometry, config.loops.exclude_s)
     again = np.triu(apart & (overlap >= MIN_OVERLAP))
     on = np.zeros_like(again)
     for step in NEIGHBOURS:
         on |= np.eye(len(rows), k=step, dtype=bool) & (overlap >= MIN_OVERLAP) & ~apart
-    return compare(_spread(again)), compare(_spread(on))
+    return compare(again), compare(on)
 
 
-def _agreement(
-    pair: Pair,
-    rows: NDArray[np.intp],
-    poses: Array,
-    seen: Callable[[int], ReducedFrame],
-    config: Config,
-) -> Agreement | None:
-    i, j = rows[list(pair)].tolist()
-    T_i_j = se3.inverse(poses[i]) @ poses[j]
-    return agreement((i, j), (seen(pair[0]), seen(pair[1])), T_i_j, config.registration)
-
-
-def _spread(wanted: NDArray[np.bool_]) -> list[Pair]:
-    """`MOST_PAIRS` of the pairs (K, K) that are wanted, evenly from first to last."""
-    pairs = np.argwhere(wanted)
-    chosen = np.unique(np.linspace(0, len(pairs) - 1, min(MOST_PAIRS, len(pairs))).astype(int))
-    return [(int(i), int(j)) for i, j in pairs[chosen]] if len(pairs) else []
+def _spread(items: Sequence[Item]) -> list[Item]:
+    """`MOST_PAIRS` of them, evenly from first to last."""
+    count = min(MOST_PAIRS, len(items))
+    return [items[n] for n in np.linspace(0, len(items) - 1, count).astype(int).tolist()]
 
 
 def _disagreement(apart: Sequence[Agreement], of: Sequence[Agreement], odometry: Odometry) -> str:
-    rows = np.unique([(a.i, a.j) for a in apart])
+    where = _within([(a.i, a.j) for a in apart], odometry)
     return (
         f"{len(apart)} of {len(of)} pairs of keyframes that see one place again disagree on it,"
-        f" within {odometry.frames.rows_text(rows)}; look at them with 'vnav report', and record"
-        " the place anew, slower and with a loop"
+        f" within {where}; look at them with 'vnav report', and record the place anew, slower and"
+        " with a loop"
     )
 
 
-def _contradiction(
-    against: Sequence[LoopVerdict], of: Sequence[LoopVerdict], odometry: Odometry
-) -> str:
-    rows = odometry.keyframe_rows[np.unique([(v.i, v.j) for v in against])]
+def _contradiction(against: Sequence[Edge], odometry: Odometry) -> str:
     return (
-        f"{len(against)} of {len(of)} loops contradict the map, within"
-        f" {odometry.frames.rows_text(rows)}; places that look the same may have been taken for"
-        " one, or the track is wrong: record with more that is unique in view"
+        f"{len(against)} loops contradict the map and fit the images better, within"
+        f" {_within([(e.i, e.j) for e in against], odometry)}; places that look the same may have"
+        " been taken for one, or the track is wrong: record with more that is unique in view"
+    )
+
+
+def _unborne(unborne: Sequence[tuple[int, int]], odometry: Odometry) -> str:
+    return (
+        f"{len(unborne)} steps from keyframe to keyframe do not fit the images, within"
+        f" {_within(unborne, odometry)}; what moves filled the view, or the camera was too fast:"
+        " record slower, and with more of what stands still"
     )
 
 
@@ -155,3 +172,7 @@ def _uncertainty(unsure: NDArray[np.intp], odometry: Odometry) -> str:
         f" {odometry.frames.rows_text(unsure)}; what repeats or moves filled the view: record with"
         " more of what stands still and is unique"
     )
+
+
+def _within(pairs: Sequence[tuple[int, int]], odometry: Odometry) -> str:
+    return odometry.frames.rows_text(np.unique(pairs))

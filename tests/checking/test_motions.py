@@ -1,0 +1,81 @@
+"""Motions between keyframes against their pixels."""
+
+import numpy as np
+import pytest
+
+from vnav.checking.motions import contradicting_loops, unborne_steps
+from vnav.config import RegistrationConfig
+from vnav.core import se3
+from vnav.core.camera import Intrinsics
+from vnav.core.frame import Edge
+from vnav.core.reduced_frame import ReducedFrame
+
+CONFIG = RegistrationConfig()
+CAMERA = Intrinsics(80, 60, 65.0, 65.0, 39.5, 29.5)
+WALL_M = 2.0
+STEP_M = 4 * WALL_M / CAMERA.fx  # the wall moves by 4 pixels
+PERIOD_M = 8 * WALL_M / CAMERA.fx
+PAPER = np.random.default_rng(0).uniform(0, 255, (60, 100)).astype(np.float32)
+
+
+def wall(row: int, pattern: np.ndarray) -> ReducedFrame:
+    """A papered wall before a camera that has gone some steps to the right."""
+    noise = CONFIG.depth_sigma_per_m2 / 4 * np.random.default_rng(row).standard_normal((60, 80))
+    grey = pattern[:, 4 * row : 4 * row + 80]
+    return ReducedFrame(0.0, grey, (1 / WALL_M + noise).astype(np.float32), CAMERA)
+
+
+def unlike(row: int) -> ReducedFrame:
+    return wall(row, PAPER)
+
+
+def alike(row: int) -> ReducedFrame:
+    return wall(row, np.tile(PAPER[:, :8], (1, 13)))
+
+
+def aside(metres: float) -> np.ndarray:
+    return se3.make(np.eye(3), [metres, 0.0, 0.0])
+
+
+@pytest.fixture
+def poses() -> np.ndarray:
+    """True poses of four frames."""
+    return np.stack([aside(k * STEP_M) for k in range(4)])
+
+
+ROWS, ONE_SEGMENT = np.arange(4), np.zeros(4, np.int32)
+
+
+def test_true_steps_are_borne_out(poses: np.ndarray) -> None:
+    assert unborne_steps(ROWS, ONE_SEGMENT, poses, unlike, CONFIG) == []
+
+
+def test_steps_to_and_from_a_wrong_pose_are_not(poses: np.ndarray) -> None:
+    poses[2] = poses[2] @ aside(0.3)
+    assert unborne_steps(ROWS, ONE_SEGMENT, poses, unlike, CONFIG) == [(1, 2), (2, 3)]
+
+
+def test_no_step_leads_to_another_segment_or_to_no_pose(poses: np.ndarray) -> None:
+    poses[2] = poses[2] @ aside(0.3)
+    apart = np.array([0, 0, 1, 1], np.int32)
+    assert unborne_steps(ROWS, apart, poses, unlike, CONFIG) == [(2, 3)]
+    poses[2] = np.nan
+    assert unborne_steps(ROWS, ONE_SEGMENT, poses, unlike, CONFIG) == []
+
+
+def test_a_loop_that_fits_the_images_contradicts_a_map_that_does_not(poses: np.ndarray) -> None:
+    loop = Edge(0, 3, aside(3 * STEP_M), np.eye(6))
+    assert contradicting_loops([loop], poses, unlike, CONFIG) == []
+    poses[2:] = poses[2:] @ aside(0.2)
+    assert contradicting_loops([loop], poses, unlike, CONFIG) == [loop]
+
+
+def test_a_false_loop_that_fits_no_better_contradicts_nothing(poses: np.ndarray) -> None:
+    false = Edge(0, 3, aside(3 * STEP_M - PERIOD_M), np.eye(6))
+    assert contradicting_loops([false], poses, alike, CONFIG) == []
+
+
+def test_a_loop_to_a_frame_without_a_pose_tells_nothing(poses: np.ndarray) -> None:
+    poses[3] = np.nan
+    loop = Edge(0, 3, aside(0.0), np.eye(6))
+    assert contradicting_loops([loop], poses, unlike, CONFIG) == []
