@@ -1,0 +1,49 @@
+from collections.abc import Callable
+from types import ModuleType
+
+import numpy as np
+import pytest
+
+from vnav.core import se3
+from vnav.core.mapping import Odometry
+
+
+@pytest.fixture(scope="module")
+def verdicts(script: Callable[[str], ModuleType]) -> ModuleType:
+    return script("verdicts")
+
+
+def test_frames_from_one_on_are_shifted_and_all_edges_agree_on_it(
+    verdicts: ModuleType, odometry: Odometry
+) -> None:
+    changed = verdicts.broken_across(odometry, np.random.default_rng(0))
+    off_m = np.linalg.norm((changed.T_segment_camera - odometry.T_segment_camera)[:, :3, 3], axis=1)
+    first = int((off_m > 0).argmax())
+    assert 0 < first < len(off_m) - 1
+    assert (off_m[:first] == 0).all()
+    np.testing.assert_allclose(off_m[first:], off_m[first])
+    assert 0.05 <= off_m[first] <= 0.30
+    for before, after in zip(odometry.edges, changed.edges, strict=True):
+        moved = [
+            se3.inverse(o.T_segment_camera[e.i]) @ o.T_segment_camera[e.j]
+            for o, e in ((odometry, before), (changed, after))
+        ]
+        error = se3.inverse(moved[0]) @ before.T_i_j
+        np.testing.assert_allclose(after.T_i_j, moved[1] @ error, atol=1e-9)
+
+
+def test_maps_are_counted_by_their_errors_and_verdicts(verdicts: ModuleType) -> None:
+    off = [0.0005, 0.0005, 0.002, 0.002, 0.006, 0.006]
+    doubtful = [False, True, False, True, False, True]
+    found = verdicts.counted("maps", "all", np.array([off, doubtful]).T, most_alarms=0)
+    assert [m.value for m in found] == [6, 2, 1, 2, 1]
+    missed = [m.quantity for m in verdicts.missed(found)]
+    assert missed == ["wrong, called good", "right, called doubtful"]
+
+
+def test_a_scene_that_took_no_part_in_fitting_is_asked_by_default(verdicts: ModuleType) -> None:
+    reported = verdicts.cases(range(3, 8), "building_2")
+    fitted = verdicts.cases(range(3), "apartment")
+    assert len(reported) == 40
+    assert not {c.scene for c in reported if c.scene == "building_2"} & {c.scene for c in fitted}
+    assert len({case.name for case in reported}) == 40
