@@ -4,7 +4,7 @@ import numpy as np
 
 from vnav.core.camera import Intrinsics
 from vnav.core.frame import Frame
-from vnav.core.reduced_frame import BLOCK_PX, reduced
+from vnav.core.reduced_frame import BLOCK_PX, blocks_of, in_pixels, reduced
 
 CAMERA = Intrinsics(64, 48, 60.0, 60.0, 31.5, 23.5)
 
@@ -52,3 +52,14 @@ def test_a_block_with_little_depth_has_none() -> None:
 
 def test_brightness_is_a_blocks_mean() -> None:
     assert np.allclose(reduced(frame_of(np.zeros((48, 64)), 80)).grey, 80, atol=1e-3)
+
+
+def test_blocks_are_the_pixels_they_were_made_of() -> None:
+    blocks = np.zeros((12, 16), bool)
+    blocks[2, 3] = True
+    pixels = in_pixels(blocks, (50, 67))  # two rows and three columns are left over
+
+    assert np.array_equal(np.argwhere(pixels).min(0), [8, 12])
+    assert pixels.sum() == 16
+    on = np.array([[12.0, 8.0], [15.4, 11.4], [16.0, 8.0], [66.0, 49.0]], np.float32)
+    assert blocks_of(blocks, on, (64, 48)).tolist() == [True, True, False, False]

@@ -153,6 +153,35 @@ class RegistrationConfig(Section, path="registration"):
 
 
 @dataclass(frozen=True)
+class MaskingConfig(Section, path="masking"):
+    """What moves, and is left out."""
+
+    method: str = choice(
+        "none",
+        lambda: ("none", "motion"),
+        "what finds moving things; none: everything is taken to stand still",
+    )
+    warp: str = choice(
+        "depth",
+        lambda: ("depth", "homography"),
+        "what follows the camera: depth and pose, or a homography, and brightness alone",
+    )
+    window_s: float = number(
+        4.0, "[0.1, 60]", "s", "time before and after a frame whose frames tell what moves in it"
+    )
+    depth_margin_m: float = number(
+        0.07,
+        "[0, 10]",
+        "m",
+        "a surface is seen through where depth is farther by more than this and its noise",
+    )
+    min_region_px: int = whole(200, "[0, 100000000]", "px", "a smaller region is not masked")
+    max_share: float = number(
+        0.6, "[0, 1]", "share", "a frame of which a larger share would be masked has no mask"
+    )
+
+
+@dataclass(frozen=True)
 class OdometryConfig(Section, path="odometry"):
     """Frame-to-frame odometry and the choice of keyframes."""
 
@@ -441,6 +470,7 @@ class Config(Section, path=""):
     capture: CaptureConfig = section(CaptureConfig)
     features: FeaturesConfig = section(FeaturesConfig)
     registration: RegistrationConfig = section(RegistrationConfig)
+    masking: MaskingConfig = section(MaskingConfig)
     odometry: OdometryConfig = section(OdometryConfig)
     vocabulary: VocabularyConfig = section(VocabularyConfig)
     loops: LoopsConfig = section(LoopsConfig)

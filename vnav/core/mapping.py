@@ -1,7 +1,7 @@
 """What the stages of a map hand to each other."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import groupby
 
 import numpy as np
@@ -102,7 +102,9 @@ class Odometry:
     (N, 4, 4): of a map that was extended, the poses it had before, whose world it keeps, NaN where
     there was none; ``degenerate_edges``: by all pixels, of frames that neither features
     nor these hold in every direction; they make no segments, and join no parts; ``alternatives``:
-    other motions between the ends of ``edges``, which the images bear out about as well.
+    other motions between the ends of ``edges``, which the images bear out about as well;
+    ``moving_share`` (N,): how much of each frame moves, NaN where too much did for a mask; (0,)
+    where nobody looked.
     """
 
     frames: FrameTable
@@ -115,6 +117,7 @@ class Odometry:
     T_world_before: NDArray[np.float64] | None = None
     degenerate_edges: tuple[Edge, ...] = ()
     alternatives: tuple[Edge, ...] = ()
+    moving_share: NDArray[np.float32] = field(default_factory=lambda: np.zeros(0, np.float32))
 
     @property
     def keyframe_rows(self) -> NDArray[np.intp]:

@@ -68,3 +68,24 @@ def _blocks(image: NDArray[Any], block_px: int) -> NDArray[np.float32]:
     height, width = (n // block_px * block_px for n in image.shape)
     parts = [image[v:height:block_px, u:width:block_px] for v, u in np.ndindex(block_px, block_px)]
     return np.stack(parts).astype(np.float32)
+
+
+def blocks_of(
+    blocks: NDArray[np.bool_], keypoints_px: NDArray[np.float32], size: tuple[int, int]
+) -> NDArray[np.bool_]:
+    """What holds of blocks (h, w), for each keypoint (N, 2) of an image of that width and height.
+
+    What is left over beside the last block belongs to it.
+    """
+    edge = size[0] // blocks.shape[1]
+    height, width = blocks.shape
+    columns, rows = np.rint(keypoints_px).astype(np.intp).T // edge
+    return np.asarray(blocks[rows.clip(0, height - 1), columns.clip(0, width - 1)])
+
+
+def in_pixels(blocks: NDArray[np.bool_], shape: tuple[int, ...]) -> NDArray[np.bool_]:
+    """What holds of blocks (h, w), for each pixel of an image of that height and width."""
+    edge = shape[1] // blocks.shape[1]
+    height, width = blocks.shape
+    rows, columns = (np.arange(size) // edge for size in shape[:2])
+    return np.asarray(blocks[np.ix_(rows.clip(max=height - 1), columns.clip(max=width - 1))])

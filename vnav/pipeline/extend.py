@@ -159,6 +159,7 @@ def append(old: Odometry, new: Odometry, T_world_camera: Array) -> Odometry:
         degenerate_edges=old.degenerate_edges
         + tuple(_shifted(edge, rows) for edge in new.degenerate_edges),
         alternatives=old.alternatives + tuple(_shifted(edge, rows) for edge in new.alternatives),
+        moving_share=np.concatenate([old.moving_share, new.moving_share]),
     )
 
 

@@ -83,8 +83,7 @@ def _warnings(reports: dict[str, dict[str, Any]]) -> str:
 def _pictures(folder: MapFolder, values: dict[str, Any]) -> str:
     if "grid" not in values:
         return "<p>No pictures: the map is not fused yet.</p>"
-    images = [path.read_bytes() for path in pictures.draw(folder)]
-    return "\n".join(map(html.picture, pictures.NAMES, images))
+    return "\n".join(html.picture(p.stem, p.read_bytes()) for p in pictures.draw(folder))
 
 
 def _stages(values: dict[str, Any], reports: dict[str, dict[str, Any]]) -> str:

@@ -19,9 +19,9 @@ from vnav.io.formats.ply import read_cloud
 from vnav.io.store.artifacts import load_loops, load_odometry, load_optimised
 from vnav.io.store.map_folder import MapFolder
 from vnav.reporting.figures import COLORS, extent_of, grid_image, legend, map_figure
+from vnav.reporting.moving_picture import moving_figure
 from vnav.volumes.top_view import seen_from_above
 
-NAMES = ("trajectory", "grid", "cloud")
 FADED = 0.35  # the grid under the trajectory
 MARGIN_M = 0.3  # about the path
 CUT_M = 2.0  # the cloud is drawn up to this height: ceilings would hide the rooms
@@ -30,19 +30,25 @@ LONGEST_PX = 1500  # its longest side; larger maps get larger pixels
 
 
 def draw(folder: MapFolder) -> tuple[Path, ...]:
-    """Draw all pictures of a map whose stages up to fuse are finished; returns the files."""
+    """Draw all pictures of a map whose stages up to fuse are finished; returns the files.
+
+    What moves is drawn where something does.
+    """
     grid = read_grid(folder.stage("fuse") / "grid.yaml")
     odometry, poses = load_odometry(folder), load_optimised(folder).T_world_camera
-    figures = (
-        trajectory_figure(grid, odometry, poses, load_loops(folder)),
-        grid_figure(grid),
-        cloud_figure(read_cloud(folder.stage("fuse") / "cloud.ply")),
-    )
-    paths = tuple(folder.root / "reports" / f"{name}.png" for name in NAMES)
-    paths[0].parent.mkdir(exist_ok=True)
-    for figure, path in zip(figures, paths, strict=True):
+    figures = {
+        "trajectory": trajectory_figure(grid, odometry, poses, load_loops(folder)),
+        "grid": grid_figure(grid),
+        "cloud": cloud_figure(read_cloud(folder.stage("fuse") / "cloud.ply")),
+        "moving": moving_figure(folder, odometry),
+    }
+    paths = {name: folder.root / "reports" / f"{name}.png" for name in figures}
+    paths["moving"].parent.mkdir(exist_ok=True)
+    paths["moving"].unlink(missing_ok=True)
+    drawn = {paths[name]: figure for name, figure in figures.items() if figure is not None}
+    for path, figure in drawn.items():
         figure.savefig(path, bbox_inches="tight")
-    return paths
+    return tuple(drawn)
 
 
 def trajectory_figure(

@@ -24,13 +24,16 @@ from vnav.features.lifting import lift
 from vnav.io.formats.trajectories import fingerprint
 from vnav.io.sources.capture import Capture
 from vnav.io.sources.rectify import rectified, resampled
-from vnav.io.store.artifacts import save_keyframe, save_odometry
+from vnav.io.store.artifacts import save_keyframe, save_keyframe_mask, save_odometry
 from vnav.io.store.map_folder import MapFolder
 from vnav.io.store.stage_reports import clock, finished, reused, settings_of
 from vnav.threads import one_blas_thread, one_opencv_thread
 from vnav.tracking.given_poses import GivenPoses, poses_at
 from vnav.tracking.odometry_builder import OdometryBuilder
 from vnav.tracking.visual_odometry import VisualOdometry
+
+MOST_MOVING = 4  # frames that are named
+TOO_MUCH = "most of what is seen moves"
 
 
 @one_blas_thread
@@ -49,7 +52,7 @@ def run(
     """
     started = clock()
     require_depth(capture)
-    settings = settings_of(config, "capture", "features", "registration", "odometry")
+    settings = settings_of(config, "capture", "features", "registration", "masking", "odometry")
     entry = described(0, capture)
     inputs = {"capture_0": entry["fingerprint"]}
     if given is not None:
@@ -89,7 +92,10 @@ def track(
         for keyframe in written:
             keyframe.result()
     progress("odometry", len(frames), len(frames))
-    return builder.result(frames)
+    odometry = builder.result(frames)
+    for row, moving in builder.moving.items():
+        save_keyframe_mask(draft, row, moving)
+    return odometry
 
 
 @dataclasses.dataclass(frozen=True)
@@ -167,4 +173,35 @@ def report(odometry: Odometry) -> Report:
         f"{frames.span_text(span.capture, span.first, span.last)} lost: {span.reason}"
         for span in spans
     )
-    return Report("odometry", values, (line,), warnings)
+    moving, unmasked = _moving(odometry)
+    return Report(
+        "odometry", values | {"moving": moving}, (line, *_moving_line(moving)), warnings + unmasked
+    )
+
+
+def _moving(odometry: Odometry) -> tuple[dict[str, Any], tuple[str, ...]]:
+    """How much of the frames moves; warnings about those in which it is too much for a mask."""
+    share, frames = odometry.moving_share, odometry.frames
+    too_much = np.flatnonzero(np.isnan(share))
+    known = np.nan_to_num(share)
+    most = np.argsort(-known, kind="stable")[:MOST_MOVING]
+    values = {
+        "mean": round(float(known.mean()), 4) if len(known) else 0.0,
+        "most": round(float(known.max()), 4) if len(known) else 0.0,
+        "frames_with_most": [int(row) for row in most if known[row] > 0],
+        "frames_without_mask": too_much.tolist(),
+    }
+    spans = frames.lost_spans(tuple(TOO_MUCH if np.isnan(s) else "" for s in share))
+    return values, tuple(
+        f"{frames.span_text(s.capture, s.first, s.last)} without a mask: {s.reason}" for s in spans
+    )
+
+
+def _moving_line(moving: dict[str, Any]) -> tuple[str, ...]:
+    """One line where something moves, none where nothing does."""
+    if not moving["most"]:
+        return ()
+    where = ", ".join(str(row) for row in moving["frames_with_most"])
+    return (
+        f"{moving['mean']:.1%} of the pixels move, at most {moving['most']:.0%}: frames {where}",
+    )

@@ -1,6 +1,7 @@
 """Odometry whose poses come from outside: motion capture, a phone's tracker, another SLAM."""
 
 import itertools
+from collections.abc import Mapping
 
 import numpy as np
 
@@ -15,8 +16,11 @@ from vnav.core.reduced_frame import ReducedFrame
 from vnav.core.trajectory import Trajectory
 from vnav.errors import CaptureError, TrajectoryError
 from vnav.features.matching import DescriptorMatcher
+from vnav.masking.view import Blocks
 from vnav.registration.points3d import PointRegistration
+from vnav.tracking.frame_masks import FrameMasks
 from vnav.tracking.keyframes import is_new_view
+from vnav.tracking.pose_choice import TrackedFrame
 
 NO_POSE = "no pose given"
 MIN_SHARE = 0.1  # of the frames: with fewer, the clocks are not the same
@@ -49,20 +53,26 @@ class GivenPoses:
         self._config = config
         self._matcher = DescriptorMatcher(config.registration)
         self._poses = T_world_camera.copy()
+        self._masks = FrameMasks(config)
         self._keyframes: list[FrameFeatures] = []
         self._previous: FrameFeatures | None = None
         without = np.flatnonzero(np.isnan(T_world_camera[:, 0, 0]))
         self._reasons = {int(row): NO_POSE for row in without}
 
-    def add(self, features: FrameFeatures, frame: Frame, _image: ReducedFrame) -> bool:
+    def add(self, features: FrameFeatures, frame: Frame, image: ReducedFrame) -> bool:
         """Take the next frame; True where it becomes a keyframe."""
-        min_inliers = self._config.registration.min_inliers
-        if features.row in self._reasons or features.has_depth.sum() < min_inliers:
+        if features.row in self._reasons:
             return False
-        is_keyframe = not self._keyframes or self._is_new_view(features, frame.intrinsics)
-        self._previous = features
+        camera, T_world_camera = frame.intrinsics, self._poses[features.row]
+        seen = self._masks.look(TrackedFrame(features, image, camera), T_world_camera)
+        current = seen.static.features
+        has_features = current.has_depth.sum() >= self._config.registration.min_inliers
+        is_keyframe = bool(has_features) and self._is_new_view(current, camera)
+        self._masks.add(seen, T_world_camera, is_keyframe)
+        if has_features:
+            self._previous = current
         if is_keyframe:
-            self._keyframes.append(features)
+            self._keyframes.append(current)
         return is_keyframe
 
     def skip(self, row: int, reason: str) -> None:
@@ -70,9 +80,15 @@ class GivenPoses:
         self._reasons.setdefault(row, reason)
         self._poses[row] = np.nan
 
+    @property
+    def moving(self) -> Mapping[int, Blocks]:
+        """Blocks (h, w) of keyframes that move, by row; final with the result."""
+        return self._masks.moving
+
     def _is_new_view(self, current: FrameFeatures, camera: Intrinsics) -> bool:
         """From the last keyframe, by motion and by what both see, as in tracking."""
-        assert self._previous is not None
+        if not self._keyframes or self._previous is None:
+            return True
         keyframe = self._keyframes[-1]
         matches = self._count_matches(keyframe, current, camera)
         of_previous = self._count_matches(self._previous, current, camera)
@@ -96,6 +112,7 @@ class GivenPoses:
                 f" {self._config.registration.min_inliers} features that have depth, found none in"
                 f" {len(frames)} frames; run 'vnav check CAPTURE'"
             )
+        self._masks.restart()
         posed = np.isfinite(self._poses[:, 0, 0])
         information = np.diag(SIGMAS**-2.0)
         edges = tuple(
@@ -108,6 +125,7 @@ class GivenPoses:
             np.where(posed, 0, LOST).astype(np.int32),
             tuple(self._reasons.get(row, "") for row in range(len(frames))),
             edges,
-            tuple(self._keyframes),
+            tuple(self._masks.static(keyframe) for keyframe in self._keyframes),
             given=True,
+            moving_share=self._masks.shares(len(frames)),
         )

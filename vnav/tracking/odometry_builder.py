@@ -1,10 +1,12 @@
 """What the odometry stage asks of whatever gives frames their poses."""
 
+from collections.abc import Mapping
 from typing import Protocol
 
 from vnav.core.frame import Frame
 from vnav.core.mapping import FrameFeatures, FrameTable, Odometry
 from vnav.core.reduced_frame import ReducedFrame
+from vnav.masking.view import Blocks
 
 
 class OdometryBuilder(Protocol):
@@ -12,6 +14,10 @@ class OdometryBuilder(Protocol):
 
     def add(self, features: FrameFeatures, frame: Frame, image: ReducedFrame) -> bool:
         """Take the next frame, with its pixels in blocks; True where it becomes a keyframe."""
+
+    @property
+    def moving(self) -> Mapping[int, Blocks]:
+        """Blocks (h, w) of keyframes that move, by row; final with the result."""
 
     def skip(self, row: int, reason: str) -> None:
         """Leave the next frame out, and say why."""

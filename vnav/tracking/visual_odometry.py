@@ -11,13 +11,16 @@ from vnav.core.graph import chain
 from vnav.core.mapping import LOST, FrameFeatures, FrameTable, Odometry
 from vnav.core.reduced_frame import ReducedFrame
 from vnav.errors import CaptureError
+from vnav.masking.view import Blocks
 from vnav.registration.dense import DenseEstimate
 from vnav.tracking.dense_tracking import DenseTracker
 from vnav.tracking.feature_tracking import FeatureTracker, are_degenerate
 from vnav.tracking.keyframes import is_new_view
 from vnav.tracking.map_tracking import MapTracker
+from vnav.tracking.masked_tracking import MaskedTracker
 from vnav.tracking.motion import ConstantVelocity
 from vnav.tracking.pose_choice import ChosenMotions, Motions, TrackedFrame
+from vnav.tracking.second_tracking import SecondTracker
 
 
 class VisualOdometry:
@@ -27,10 +30,12 @@ class VisualOdometry:
         self._config = config
         self._motion = ConstantVelocity()
         self._features = FeatureTracker(config, self._motion)
+        self._masked = MaskedTracker(config, self._features, self._motion)
         self._dense = DenseTracker(config)
         self._map = MapTracker(config, self._motion)
-        self._edges: list[Edge] = []
-        self._alternatives: list[Edge] = []
+        self._second = SecondTracker(config)
+        self._edges: dict[int, list[Edge]] = {}  # by the row of the frame that they lead to
+        self._alternatives: dict[int, list[Edge]] = {}
         self._degenerate_edges: list[Edge] = []
         self._reasons: dict[int, str] = {}
 
@@ -38,7 +43,8 @@ class VisualOdometry:
         """Track the next frame; True where it becomes a keyframe."""
         self._motion.predict(frame.stamp_s)
         current = TrackedFrame(features, image, frame.intrinsics)
-        choice = self._features.track(current)
+        current, choice = self._masked.track(current)
+        features, frame = current.features, self._masked.without_moving(frame)
         dense = self._align_where_degenerate(frame, choice.estimates)
         if dense and are_degenerate(choice.estimates):
             choice = self._track_near(dense, current) or choice
@@ -49,14 +55,21 @@ class VisualOdometry:
             return False
         degenerate = self._record(features.row, choice, dense)
         probability = min((e.probability for e in choice.estimates.values()), default=1.0)
-        self._edges += self._map.track(features.row, frame, probability)
+        self._edges[features.row] += self._map.track(features.row, frame, probability)
         self._dense.remember(features.row, frame, degenerate)
         is_keyframe = has_features and not degenerate and self._is_keyframe(choice.estimates)
         if has_features:
             self._features.remember(current, is_keyframe)
         if is_keyframe:
             self._map.add(features, frame, choice.estimates)
+        self._masked.remember(features.row, is_keyframe)
+        self._track_again()
         return is_keyframe
+
+    @property
+    def moving(self) -> Mapping[int, Blocks]:
+        """Blocks (h, w) of keyframes that move, by row; final with the result."""
+        return self._masked.masks.moving
 
     def skip(self, row: int, reason: str) -> None:
         """Leave a frame out, and say why."""
@@ -64,15 +77,20 @@ class VisualOdometry:
 
     def result(self, frames: FrameTable) -> Odometry:
         """Everything that was tracked, as segments of connected frames."""
-        keyframes = tuple(k.features for k in self._features.keyframes)
+        masks = self._masked.masks
+        masks.restart()
+        self._track_again()
+        keyframes = tuple(masks.static(k.features) for k in self._features.keyframes)
         if not keyframes:
             raise CaptureError(
                 f"expected frames with at least {self._config.registration.min_inliers} features"
                 f" that have depth, found none in {len(frames)} frames; run 'vnav check CAPTURE'"
             )
-        poses, segment = chain(len(frames), self._edges, [k.row for k in keyframes])
-        edges = tuple(e for e in self._edges if segment[e.i] != LOST)
-        apart = tuple(e for e in self._edges if segment[e.i] == LOST)
+        found = [edge for edges in self._edges.values() for edge in edges]
+        poses, segment = chain(len(frames), found, [k.row for k in keyframes])
+        edges = tuple(e for e in found if segment[e.i] != LOST)
+        apart = tuple(e for e in found if segment[e.i] == LOST)
+        others = [edge for edges in self._alternatives.values() for edge in edges]
         return Odometry(
             frames,
             poses,
@@ -81,7 +99,8 @@ class VisualOdometry:
             edges,
             keyframes,
             degenerate_edges=(*self._degenerate_edges, *apart),
-            alternatives=tuple(e for e in self._alternatives if segment[e.i] != LOST),
+            alternatives=tuple(e for e in others if segment[e.i] != LOST),
+            moving_share=masks.shares(len(frames)),
         )
 
     def _align_where_degenerate(self, frame: Frame, estimates: Motions) -> dict[int, DenseEstimate]:
@@ -105,14 +124,23 @@ class VisualOdometry:
         """Keep a frame's edges, and its pose for the next; True where all are degenerate."""
         constrained = {i: e for i, e in dense.items() if e.well_constrained}
         edges = [*_edges(row, choice.estimates), *_edges(row, constrained)]
-        self._alternatives += _edges(row, choice.alternatives)
+        self._alternatives[row] = _edges(row, choice.alternatives)
         degenerate = [] if constrained else _edges(row, dense)
-        self._edges += edges
+        self._edges[row] = edges
         self._degenerate_edges += degenerate
         self._motion.update(row, {e.i: e.T_i_j for e in edges or degenerate})
         if not (edges or degenerate):
             self._reasons[row] = "no frame before it matches"
         return not edges and bool(degenerate)
+
+    def _track_again(self) -> None:
+        """Give frames whose masks are final now the edges that these leave, where masks changed."""
+        for final in self._masked.masks.taken_final():
+            row = final.seen.row
+            choice = self._second.track(final, self._edges[row])
+            if choice.estimates:
+                self._edges[row] = _edges(row, choice.estimates)
+                self._alternatives[row] = _edges(row, choice.alternatives)
 
     def _is_keyframe(self, estimates: Motions) -> bool:
         """By motion and shared view; also where the last keyframe is out of sight."""

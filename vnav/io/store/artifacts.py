@@ -20,6 +20,7 @@ from vnav.core.mapping import (
     OptimisedMap,
     World,
 )
+from vnav.core.reduced_frame import in_pixels
 from vnav.errors import MapError
 from vnav.io.formats.arrays_file import Arrays, load_arrays, save_arrays
 from vnav.io.store.map_folder import MapFolder, to_json, write_text
@@ -50,6 +51,7 @@ def save_odometry(draft: Path, odometry: Odometry) -> None:
         T_segment_camera=odometry.T_segment_camera,
         segment=odometry.segment,
         given=np.array(odometry.given),
+        moving_share=odometry.moving_share,
         **({} if before is None else {"T_world_before": before}),
     )
     write_text(draft / "lost.json", to_json({r: t for r, t in enumerate(odometry.reasons) if t}))
@@ -75,6 +77,7 @@ def load_odometry(folder: MapFolder) -> Odometry:
         frames.get("T_world_before"),
         edges_from_arrays(_load(stage / "degenerate_edges.npz")),
         edges_from_arrays(_load(stage / "alternatives.npz")),
+        frames["moving_share"],
     )
 
 
@@ -88,13 +91,20 @@ def save_keyframe(draft: Path, row: int, frame: Frame) -> None:
     _write_image(path / f"{row:06d}.png", depth, cv2.IMWRITE_PNG_COMPRESSION, 1)
 
 
+def save_keyframe_mask(draft: Path, row: int, moving: NDArray[np.bool_]) -> None:
+    """Keep which blocks (h, w) of a keyframe move, beside its images."""
+    path = draft / "keyframes" / f"{row:06d}.mask.png"
+    _write_image(path, moving.astype(np.uint8) * 255, cv2.IMWRITE_PNG_BILEVEL, 1)
+
+
 def add_keyframes(draft: Path, added: Path, first_row: int) -> None:
     """Move the keyframes' images of an odometry of its own into that of which it becomes a part.
 
     ``first_row``: the row that its first frame gets.
     """
     for image in sorted((added / "keyframes").iterdir()):
-        image.rename(draft / "keyframes" / f"{int(image.stem) + first_row:06d}{image.suffix}")
+        row, _, kind = image.name.partition(".")
+        image.rename(draft / "keyframes" / f"{int(row) + first_row:06d}.{kind}")
 
 
 def _write_image(path: Path, image: NDArray[Any], *parameters: int) -> None:
@@ -113,9 +123,22 @@ def load_keyframe(folder: MapFolder, row: int, frames: FrameTable) -> Frame:
 
 
 def load_keyframe_depth(folder: MapFolder, row: int) -> NDArray[np.float32]:
-    """A keyframe's depth (H, W) in metres, 0 where there is none; MapError where missing."""
+    """A keyframe's depth (H, W) in metres, 0 where there is none; MapError where missing.
+
+    What moves has none: nothing that is made of the map's depth shows it.
+    """
     depth = _keyframe_image(folder, row, "png", cv2.IMREAD_UNCHANGED)
-    return np.asarray(depth / np.float32(DEPTH_UNITS_PER_METRE))
+    depth_m = np.asarray(depth / np.float32(DEPTH_UNITS_PER_METRE))
+    return np.where(load_keyframe_mask(folder, row, depth_m.shape), np.float32(0), depth_m)
+
+
+def load_keyframe_mask(folder: MapFolder, row: int, shape: tuple[int, ...]) -> NDArray[np.bool_]:
+    """Which pixels of a keyframe, of that height and width, move."""
+    path = folder.root / "odometry" / "keyframes" / f"{row:06d}.mask.png"
+    if not path.exists():
+        return np.zeros(shape, bool)
+    blocks = _keyframe_image(folder, row, "mask.png", cv2.IMREAD_UNCHANGED)
+    return in_pixels(blocks > 0, shape)
 
 
 def _keyframe_image(folder: MapFolder, row: int, kind: str, flags: int) -> Any:

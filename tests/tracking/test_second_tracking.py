@@ -1,0 +1,90 @@
+"""Frames of the tiny capture tracked once more: which motions change, and to what."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from vnav.config import Config, FeaturesConfig
+from vnav.core import se3
+from vnav.core.frame import Edge, Frame
+from vnav.core.mapping import FrameFeatures
+from vnav.core.reduced_frame import reduced
+from vnav.features import front_end
+from vnav.features.lifting import lift
+from vnav.io.formats.trajectories import read_tum
+from vnav.masking import PosedView
+from vnav.tracking.frame_masks import FinalFrame, SeenFrame
+from vnav.tracking.pose_choice import TrackedFrame
+from vnav.tracking.second_tracking import SecondTracker
+
+CONFIG = Config(features=FeaturesConfig(max_features=700))
+ROWS = 3
+ASTRAY = se3.make(np.eye(3), [0.05, 0, 0])  # what following something costs an edge
+
+
+@pytest.fixture(scope="module")
+def poses(tiny_capture: Path) -> np.ndarray:
+    return read_tum(tiny_capture / "groundtruth.txt").T_world_camera[:ROWS]
+
+
+@pytest.fixture(scope="module")
+def seen(frames: list[Frame], poses: np.ndarray) -> list[SeenFrame]:
+    """The first frames, in which nothing moves, at their true poses."""
+    extract = front_end(CONFIG.features).extract
+    made = []
+    for row, frame in enumerate(frames[:ROWS]):
+        features, image = extract(frame.color), reduced(frame)
+        points = lift(features.keypoints_px, frame.depth_m, frame.intrinsics, CONFIG.registration)
+        tracked = TrackedFrame(FrameFeatures(row, features, points), image, frame.intrinsics)
+        still = np.zeros(image.grey.shape, bool)
+        made.append(SeenFrame(tracked, PosedView(image, poses[row], still), still))
+    return made
+
+
+def edge(poses: np.ndarray, i: int, j: int) -> Edge:
+    return Edge(i, j, se3.inverse(poses[i]) @ poses[j], 1e6 * np.eye(6))
+
+
+def test_motions_stay_where_no_mask_has_changed(seen: list[SeenFrame], poses: np.ndarray) -> None:
+    second = SecondTracker(CONFIG)
+    for k in range(ROWS):
+        edges = [edge(poses, k - 1, k)] if k else []
+        assert not second.track(FinalFrame(seen[k], False), edges).estimates
+
+
+@pytest.mark.parametrize("changed", [0, 1])
+def test_an_edge_that_went_astray_is_mended_where_a_mask_at_either_end_has_changed(
+    seen: list[SeenFrame], poses: np.ndarray, changed: int
+) -> None:
+    second, right = SecondTracker(CONFIG), edge(poses, 0, 1)
+    second.track(FinalFrame(seen[0], changed == 0), [])
+    wrong = replace(right, T_i_j=right.T_i_j @ ASTRAY)
+    astray = replace(seen[1], view=replace(seen[1].view, T_track_camera=poses[1] @ ASTRAY))
+    choice = second.track(FinalFrame(astray, changed == 1), [wrong])
+    error = se3.inverse(right.T_i_j) @ choice.estimates[0].T_a_b
+    sigma_m = np.sqrt(np.diag(np.linalg.inv(choice.estimates[0].information))[3:].max())
+    assert np.linalg.norm(error[:3, 3]) < 4 * sigma_m
+    assert 4 * sigma_m < 0.02
+
+
+def test_a_frame_of_which_a_mask_leaves_nothing_keeps_its_motions_and_is_passed_over(
+    seen: list[SeenFrame], poses: np.ndarray
+) -> None:
+    second = SecondTracker(CONFIG)
+    second.track(FinalFrame(seen[0], False), [])
+    hidden = replace(seen[1], moving=np.ones_like(seen[1].moving), share=0.5)
+    assert not second.track(FinalFrame(hidden, True), [edge(poses, 0, 1)]).estimates
+    again = second.track(FinalFrame(seen[2], True), [edge(poses, 1, 2)])
+    assert list(again.estimates) == [0]
+
+
+def test_the_next_frame_follows_from_the_mended_one(
+    seen: list[SeenFrame], poses: np.ndarray
+) -> None:
+    second = SecondTracker(CONFIG)
+    second.track(FinalFrame(seen[0], True), [])
+    second.track(FinalFrame(seen[1], True), [edge(poses, 0, 1)])
+    choice = second.track(FinalFrame(seen[2], False), [edge(poses, 1, 2)])
+    assert list(choice.estimates) == [1]

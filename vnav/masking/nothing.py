@@ -1,0 +1,31 @@
+"""No mask: everything stands still."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from vnav.config import Config
+from vnav.core.arrays import Array
+from vnav.core.reduced_frame import ReducedFrame
+from vnav.masking.view import Blocks, PosedView
+
+
+class NoMask:
+    """Takes nothing for moving."""
+
+    def __init__(self, _config: Config) -> None:
+        pass
+
+    def look(self, frame: ReducedFrame, T_track_camera: Array) -> PosedView:
+        """The frame, in which nothing has changed."""
+        return PosedView(frame, T_track_camera, np.zeros(frame.grey.shape, bool))
+
+    def moving(self, view: PosedView, _others: Sequence[PosedView]) -> Blocks:
+        """Nothing."""
+        return np.zeros(view.frame.grey.shape, bool)
+
+    def add(self, view: PosedView) -> None:
+        """Nothing is held against it."""
+
+    def forget(self) -> None:
+        """There is nothing to forget."""

@@ -1,0 +1,79 @@
+"""Where the blocks of a frame were in the frame before: by depth and pose, or by a homography."""
+
+from collections.abc import Callable
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from vnav.core.arrays import Array, Floats
+from vnav.core.reduced_frame import ReducedFrame
+
+HIDDEN = 0.05  # relative inverse depth: what was so much nearer hid the surface that is seen now
+CORNERS, CORNER_QUALITY, CORNER_DISTANCE = 400, 0.01, 4.0
+MAX_ERROR = 0.75  # blocks of 4 px: 3 px
+CONFIDENCE = 0.995
+MIN_INLIERS, MIN_INLIER_SHARE = 20, 0.5
+
+Warp = Callable[[ReducedFrame, ReducedFrame, Array], Floats | None]
+
+
+def by_depth(last: ReducedFrame, current: ReducedFrame, T_last_current: Array) -> Floats:
+    """Places (h, w, 2) in the last frame, in its blocks; NaN where it did not see the surface.
+
+    Blocks without depth are as far as the nearest ones that have it; in a frame without any depth
+    all are at infinity.
+    """
+    camera = current.intrinsics
+    rows, columns = np.indices(current.grey.shape)
+    pixels = np.stack([columns, rows], -1)
+    inverse_depth = _filled(current.inverse_depth)
+    rays = camera.unproject(pixels, np.ones(rows.shape))
+    points = rays @ T_last_current[:3, :3].T + inverse_depth[..., None] * T_last_current[:3, 3]
+    places = camera.project(points)
+    column, row = (np.nan_to_num(np.rint(places[..., k]), nan=-1) for k in range(2))
+    inside = (column >= 0) & (column < camera.width) & (row >= 0) & (row < camera.height)
+    at = np.where(inside, row, 0).astype(np.intp), np.where(inside, column, 0).astype(np.intp)
+    expected = inverse_depth / np.maximum(points[..., 2], 1e-6)
+    hidden = inside & (last.inverse_depth[at] > expected * (1 + HIDDEN)) & (inverse_depth > 0)
+    return np.where(hidden[..., None], np.nan, places).astype(np.float32)
+
+
+def by_homography(last: ReducedFrame, current: ReducedFrame, _motion: Array) -> Floats | None:
+    """Places (h, w, 2) by the homography of tracked corners: 003 S31, S32.
+
+    None where too few agree with it. It holds for a plane or a rotation only.
+    """
+    images = [np.clip(np.rint(f.grey), 0, 255).astype(np.uint8) for f in (current, last)]
+    corners = cv2.goodFeaturesToTrack(images[0], CORNERS, CORNER_QUALITY, CORNER_DISTANCE)
+    if corners is None or len(corners) < MIN_INLIERS:
+        return None
+    tracked, found, _ = cv2.calcOpticalFlowPyrLK(images[0], images[1], corners, np.array([]))
+    kept = found.ravel() > 0
+    if kept.sum() < MIN_INLIERS:
+        return None
+    H, inliers = cv2.findHomography(
+        corners[kept], tracked[kept], cv2.RANSAC, MAX_ERROR, confidence=CONFIDENCE
+    )
+    if H is None or inliers.sum() < max(MIN_INLIERS, MIN_INLIER_SHARE * kept.sum()):
+        return None
+    rows, columns = np.indices(current.grey.shape)
+    pixels = np.stack([columns, rows], -1).reshape(-1, 1, 2).astype(np.float64)
+    places = cv2.perspectiveTransform(pixels, H).reshape(*current.grey.shape, 2)
+    return np.asarray(places, np.float32)
+
+
+WARPS: dict[str, Warp] = {"depth": by_depth, "homography": by_homography}
+
+
+def _filled(inverse_depth: Floats) -> Floats:
+    """With the value of the nearest block that has one, 0 where none has."""
+    unknown: NDArray[np.uint8] = (inverse_depth == 0).astype(np.uint8)
+    if unknown.all() or not unknown.any():
+        return inverse_depth
+    _, labels = cv2.distanceTransformWithLabels(
+        unknown, cv2.DIST_L2, 3, labelType=cv2.DIST_LABEL_PIXEL
+    )
+    value_of = np.zeros(labels.max() + 1, np.float32)
+    value_of[labels[unknown == 0]] = inverse_depth[unknown == 0]
+    return np.asarray(value_of[labels])

@@ -1,0 +1,61 @@
+"""Frames tracked by the features of what stands still: 003 S4."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from vnav.config import Config
+from vnav.core.frame import Frame
+from vnav.core.reduced_frame import in_pixels
+from vnav.tracking.feature_tracking import FeatureTracker
+from vnav.tracking.frame_masks import FrameMasks, SeenFrame
+from vnav.tracking.motion import ConstantVelocity
+from vnav.tracking.pose_choice import ChosenMotions, TrackedFrame
+
+SECOND_LOOKS = 2  # at a frame, each without what moves by the motion before
+
+
+class MaskedTracker:
+    """Tracks features, masks what moves by the motion found, and tracks what is left."""
+
+    def __init__(self, config: Config, features: FeatureTracker, motion: ConstantVelocity) -> None:
+        self.masks = FrameMasks(config)
+        self._features, self._motion = features, motion
+        self._seen: SeenFrame | None = None
+
+    def track(self, current: TrackedFrame) -> tuple[TrackedFrame, ChosenMotions]:
+        """The frame without what moves, and its motions from earlier frames."""
+        still, choice = current, self._features.track(current)
+        seen = self._look(current, choice)
+        for _ in range(SECOND_LOOKS):
+            if not seen.moving.any():
+                break
+            chosen = self._features.track(seen.static)
+            if not chosen.estimates:
+                break
+            still, choice, before = seen.static, chosen, seen
+            seen = self._look(current, choice)
+            if np.array_equal(seen.moving, before.moving):
+                break
+        self._seen = seen
+        return still, choice
+
+    def without_moving(self, frame: Frame) -> Frame:
+        """The frame that was tracked last without the depth of what moves."""
+        if self._seen is None or not self._seen.moving.any():
+            return frame
+        moving = in_pixels(self._seen.moving, frame.depth_m.shape)
+        return replace(frame, depth_m=np.where(moving, np.float32(0), frame.depth_m))
+
+    def remember(self, row: int, is_keyframe: bool) -> None:
+        """Hold later frames against the frame that was tracked last, at the pose it has now."""
+        if self._seen is not None:
+            self.masks.add(self._seen, self._motion.poses[row], is_keyframe)
+
+    def _look(self, current: TrackedFrame, choice: ChosenMotions) -> SeenFrame:
+        """The frame and what moves in it, where motions take it; without one nothing does."""
+        poses = self._motion.poses
+        found = [poses[i] @ e.T_a_b for i, e in choice.estimates.items() if i in poses]
+        if not found:
+            self.masks.restart()
+        return self.masks.look(current, found[0] if found else np.eye(4))
