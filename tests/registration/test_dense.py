@@ -101,25 +101,6 @@ def test_surfaces_that_are_not_the_same_are_rejected() -> None:
     assert isinstance(align(a, b, CAMERA, CONFIG, STILL), Rejected)
 
 
-def nearer(frame: Frame, share: float) -> Frame:
-    """The same, but the first columns, a share of all, lie 10 cm nearer than they should."""
-    depth_m = frame.depth_m.copy()
-    depth_m[:, : round(share * depth_m.shape[1])] -= 0.1
-    return dataclasses.replace(frame, depth_m=depth_m)
-
-
-def test_where_many_surfaces_do_not_agree_the_motion_is_degenerate() -> None:
-    # Three tenths of the pixels do not agree, as where a camera turns while it reads its rows.
-    a, b = seen(CORNER, STILL, 0, 1.0), nearer(seen(CORNER, MOTION, 1, 1.0), 0.3)
-    estimate = align(a, b, CAMERA, CONFIG, STILL)
-    assert isinstance(estimate, DenseEstimate)
-    assert not estimate.well_constrained
-    assert np.abs(error(estimate, MOTION)).max() < 0.02
-    whole = align(a, seen(CORNER, MOTION, 1, 1.0), CAMERA, CONFIG, STILL)
-    assert isinstance(whole, DenseEstimate)
-    assert whole.well_constrained
-
-
 def test_a_motion_far_from_the_prediction_is_rejected() -> None:
     forward = se3.exp([0, 0, 0, 0, 0, 0.4])
     assert isinstance(aligned(WALL, forward, STILL), Rejected)

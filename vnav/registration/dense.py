@@ -23,8 +23,7 @@ MAX_SIGMAS = 3.0  # of it, that the motion found may be off the prediction
 BLURS_PX = (12.0, 6.0, 3.0, 1.5)  # of the images that are compared, from coarse to fine
 ITERATIONS = 20  # at each of them
 MIN_OVERLAP = 0.4  # share of the points that fall on a surface of the other image
-MIN_INLIERS = 0.5  # share of those that lie on it
-SURE_INLIERS = 0.8  # with fewer the motion is degenerate: a fast turn bends what a sensor reads
+MIN_INLIERS = 0.8  # share of those that lie on it
 WELL_CONSTRAINED = 100.0  # times the prediction's information, in every direction
 
 
@@ -32,8 +31,8 @@ WELL_CONSTRAINED = 100.0  # times the prediction's information, in every directi
 class DenseEstimate:
     """How camera b stands to a, from all pixels and a prediction; ``information`` as in `Edge`.
 
-    ``well_constrained``: the images fix every direction, the prediction decides none, and most
-    surfaces agree; ``probability`` as in `Edge`.
+    ``well_constrained``: the images fix every direction, and the prediction decides none;
+    ``probability`` as in `Edge`.
     """
 
     T_a_b: Array
@@ -67,8 +66,7 @@ def align(
         return Rejected("surfaces contradict the prediction")
     known, axes, _ = _image_information(terms, T_a_b)
     information = (axes * (known + 1)) @ axes.T / np.outer(MOTION_SIGMAS, MOTION_SIGMAS)
-    well_constrained = known.min() > WELL_CONSTRAINED and agreeing >= SURE_INLIERS
-    return DenseEstimate(T_a_b, information, bool(well_constrained))
+    return DenseEstimate(T_a_b, information, bool(known.min() > WELL_CONSTRAINED))
 
 
 def _minimised(terms: Sequence[ResidualTerm], T_a_b: Array, predicted: Array) -> Array:

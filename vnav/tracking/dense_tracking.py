@@ -36,22 +36,18 @@ class DenseTracker:
     def track(
         self, frame: Frame, camera: Intrinsics, predicted: Array | None
     ) -> dict[int, DenseEstimate]:
-        """The motion from the last tracked frame, by its row, near the predicted one or near none.
+        """The motion from the last tracked frame, by its row, near the predicted one.
 
-        A fast turn may end from one frame to the next: then the camera is far from the prediction,
-        and nearly rests. Empty where the pixels do not tell, after a gap in time, and where too
-        many frames in a row have been degenerate.
+        Empty where the pixels do not tell, after a gap in time, and where too many frames in a row
+        have been degenerate.
         """
         if self._last is None or predicted is None or self._has_gap(frame):
             return {}
         if self._degenerate_frames >= self._config.odometry.max_degenerate_frames:
             return {}
         row, last = self._last
-        for expected in (predicted, np.eye(4)):
-            estimate = align(last, frame, camera, self._config.registration, expected)
-            if not isinstance(estimate, Rejected):
-                return {row: estimate}
-        return {}
+        estimate = align(last, frame, camera, self._config.registration, predicted)
+        return {} if isinstance(estimate, Rejected) else {row: estimate}
 
     def remember(self, row: int, frame: Frame, degenerate: bool) -> None:
         """Make this the last tracked frame; ``degenerate``: a degenerate edge alone holds it."""
@@ -61,7 +57,7 @@ class DenseTracker:
         self._degenerate_frames = self._degenerate_frames + 1 if degenerate else 0
 
     def _has_gap(self, frame: Frame) -> bool:
-        """Whether a longer time than is usual lies between the last frame and this one."""
+        """Whether too long a time lies between the last frame and this one, or none is usual."""
         assert self._last is not None
         step_s = frame.stamp_s - self._last[1].stamp_s
-        return bool(self._steps_s) and step_s > MAX_STEPS * float(np.median(self._steps_s))
+        return not self._steps_s or step_s > MAX_STEPS * float(np.median(self._steps_s))
