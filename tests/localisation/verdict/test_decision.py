@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -56,6 +58,17 @@ def test_two_places_that_are_borne_out_alike_are_ambiguous(query):
     assert isinstance(answer, NotLocated)
     assert answer.reason == "ambiguous"
     np.testing.assert_allclose(answer.chances, 0.5, atol=1e-2)
+
+
+def test_a_place_that_shows_one_corner_of_the_photo_is_no_rival_of_one_that_shows_all(query):
+    """Where the map predicts next to nothing, nothing speaks against a pose of a few matches."""
+    whole = pose_at(query, 0.0, 9)
+    cells = np.zeros((2, 48), np.intp)
+    cells[:, :2] = [[9], [20]]
+    corner = replace(pose_at(query, 5.0, 9), cells=cells, matches=whole.matches[np.arange(18)])
+    answer = decide([whole, corner], SEARCHED, query)
+    assert isinstance(answer, Located)
+    assert answer.hypotheses == (whole,)
 
 
 def test_a_pose_of_which_hardly_anything_is_found_is_not_given(query):

@@ -13,7 +13,7 @@ from vnav.localisation.matches import Matches
 from vnav.localisation.query import MIN_MATCHES, Query, SupportedPose, min_matches
 from vnav.localisation.search.candidates import Candidate
 
-ATTEMPTS = 2  # poses sought in one candidate: repeated things in one view give several
+ATTEMPTS = 6  # poses sought in one candidate: repeated things give several, chance some more
 
 
 def hypothesise(
@@ -49,16 +49,20 @@ def pose_of(
 def _poses_of(
     candidate: Candidate, known: Sequence[SupportedPose], query: Query, rng: np.random.Generator
 ) -> list[PoseHypothesis]:
-    """Poses that the known ones do not explain."""
+    """Poses that the known ones do not explain.
+
+    One that many matches agree with explains these; one that few agree with may be chance, and
+    would take matches away from the right one.
+    """
     found: list[PoseHypothesis] = []
+    matches, enough = query.unexplained(candidate.matches, known), query.config.min_inliers
     if len(query.unexplained(candidate.matches_2d_3d, known)) < MIN_MATCHES:
         return found
-    matches = candidate.matches
     for _ in range(ATTEMPTS):
-        poses = [*known, *found]
-        matches = query.unexplained(matches, poses)
-        hypothesis = pose_of(matches, min_matches(poses), query, rng)
+        hypothesis = pose_of(matches, min_matches([*known, *found]), query, rng)
         if hypothesis is None:
             break
         found.append(hypothesis)
+        if hypothesis.inliers >= enough:
+            matches = query.unexplained(matches, [hypothesis])
     return found

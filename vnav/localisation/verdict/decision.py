@@ -7,7 +7,7 @@ import numpy as np
 
 from vnav.core import se3
 from vnav.core.frame import Rejected
-from vnav.localisation.query import Query
+from vnav.localisation.query import Query, min_matches
 from vnav.localisation.search.candidates import SearchResult
 from vnav.localisation.verdict.uncertainty import Sigmas, sigmas
 from vnav.localisation.verification.evidence import posterior
@@ -53,7 +53,7 @@ def decide(
     matches, wanted = len(searched.matches), query.config.min_confidence
     if not poses and searched.votes < query.config.min_inliers:
         return NotLocated("too few matches", matches)
-    places = _distinct_places(poses)
+    places = _distinct_places([pose for pose in poses if pose.inliers >= min_matches(poses)])
     chances = tuple(posterior([place.evidence for place in places]).tolist())
     inliers = places[0].inliers if places else 0
     if sum(chances) < wanted:
