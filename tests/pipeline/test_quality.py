@@ -99,27 +99,41 @@ def test_steps_that_do_not_fit_the_images_make_a_map_doubtful(folder: MapFolder)
     assert any(where in doubt for doubt in doubts)
 
 
-def test_a_frame_none_of_whose_motions_is_likely_is_named(folder: MapFolder) -> None:
+def doubt_motions(folder: MapFolder, rows: set[int]) -> None:
+    """Make all edges into some frames unlikely."""
     odometry = load_odometry(folder)
     edges = tuple(
-        dataclasses.replace(e, probability=0.3) if e.j == 7 else e for e in odometry.edges
+        dataclasses.replace(e, probability=0.3) if e.j in rows else e for e in odometry.edges
     )
     save_odometry(folder.stage("odometry"), dataclasses.replace(odometry, edges=edges))
 
+
+def test_frames_none_of_whose_motions_is_likely_are_named(folder: MapFolder) -> None:
+    doubt_motions(folder, {7, 9})
+
     (doubt,) = assess(folder, CONFIG).doubts
 
-    assert "the motion of 1 frames is in doubt, within frame 7;" in doubt
+    assert "the motion of 2 frames is in doubt, within frames 7 to 9;" in doubt
+
+
+def test_one_such_frame_alone_is_no_doubt(folder: MapFolder) -> None:
+    doubt_motions(folder, {7})
+
+    quality = assess(folder, CONFIG)
+
+    assert quality.doubts == ()
+    assert quality.values["motions_unsure"] == 1
 
 
 def test_one_likely_motion_is_enough_for_a_frame(folder: MapFolder) -> None:
     odometry = load_odometry(folder)
     edges = list(odometry.edges)
-    twice = next(e.j for n, e in enumerate(edges) if edges[n - 1].j == e.j)
-    first = next(n for n, e in enumerate(edges) if e.j == twice)
-    edges[first] = dataclasses.replace(edges[first], probability=0.1)
+    into = [e.j for e in edges]
+    for first in {into.index(j) for j in into if into.count(j) > 1}:
+        edges[first] = dataclasses.replace(edges[first], probability=0.1)
     save_odometry(folder.stage("odometry"), dataclasses.replace(odometry, edges=tuple(edges)))
 
-    assert assess(folder, CONFIG).doubts == ()
+    assert assess(folder, CONFIG).values["motions_unsure"] == 0
 
 
 def test_a_verdict_is_on_the_map_as_it_was_judged(folder: MapFolder) -> None:

@@ -37,7 +37,8 @@ NEIGHBOURS = 1, 2  # keyframes onward that tell what is usual
 DISAGREEING, LEAST_DISAGREEING = 0.2, 2  # share of revisits, and number, that speak against a map
 LEAST_CONTRADICTING = 5  # rejected loops that do; chance makes 1.5 of 150
 LEAST_UNBORNE = 2  # steps from keyframe to keyframe that do
-UNSURE = 0.5  # probability of a motion, below which it is doubtful
+UNSURE = 0.5  # probability, below which a motion is in doubt
+LEAST_UNSURE = 2  # frames in doubt that do
 
 Item = TypeVar("Item")
 
@@ -79,7 +80,7 @@ def assess(folder: MapFolder, config: Config) -> Quality:
         doubts.append(_contradiction(against, odometry))
     if len(unborne) >= LEAST_UNBORNE:
         doubts.append(_unborne(unborne, odometry))
-    if len(unsure):
+    if len(unsure) >= LEAST_UNSURE:
         doubts.append(_uncertainty(unsure, odometry))
     values = {
         "verdict": "doubtful" if doubts else "good",
