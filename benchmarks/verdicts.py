@@ -25,7 +25,7 @@ from people import WALKERS, rendered
 from recording import Measurement, add_record_option, missed, record, table
 
 import vnav
-from vnav.config import Config
+from vnav.config import Config, MaskingConfig
 from vnav.core import se3
 from vnav.core.mapping import Odometry
 from vnav.evaluation.score import score
@@ -81,6 +81,11 @@ def spec_of(case: Case) -> CaptureSpec:
     return dataclasses.replace(spec, walkers=WALKERS[share], walker_share=share)
 
 
+def config_of(case: Case) -> Config:
+    """The defaults, but nothing is masked where people walk."""
+    return Config(masking=MaskingConfig(method="none")) if case.kind in PEOPLE else Config()
+
+
 def broken_across(whole: Odometry, rng: np.random.Generator) -> Odometry:
     """Odometry whose frames from some one on are shifted against those before."""
     n = len(whole.frames)
@@ -109,7 +114,7 @@ BREAK: dict[str, Callable[[Odometry, np.random.Generator], Odometry]] = {
 
 def mapped(case: Case, out: Path) -> tuple[Path, MapFolder]:
     """A capture and its map up to the poses, each made where it is not there."""
-    config, root = Config(), out / "maps" / case.name
+    config, root = config_of(case), out / "maps" / case.name
     if case.kind in BREAK:
         whole = dataclasses.replace(case, kind="clean")
         capture, clean = mapped(whole, out)
@@ -128,7 +133,7 @@ def mapped(case: Case, out: Path) -> tuple[Path, MapFolder]:
 def off_and_doubtful(case: Case, out: Path) -> tuple[float, bool]:
     """ATE of a map as a share of its path, and whether it is called doubtful."""
     capture, folder = mapped(case, out)
-    judged(folder, Config())
+    judged(folder, config_of(case))
     estimate = read_tum(folder.root / "optimise" / "trajectory_0.tum")
     scored = score(estimate, read_tum(capture / "groundtruth.txt"), MAX_DIFFERENCE_S)
     off = scored.ate.translation_m.rmse / scored.paths_m[0]

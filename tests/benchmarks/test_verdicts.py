@@ -47,3 +47,11 @@ def test_a_scene_that_took_no_part_in_fitting_is_asked_by_default(verdicts: Modu
     assert len(reported) == 40
     assert not {c.scene for c in reported if c.scene == "building_2"} & {c.scene for c in fitted}
     assert len({case.name for case in reported}) == 40
+
+
+def test_people_are_not_masked(verdicts: ModuleType) -> None:
+    with_people = [case for case in verdicts.cases([3], "building_2") if "people" in case.kind]
+    assert len(with_people) == 2
+    for case in with_people:
+        assert verdicts.spec_of(case).walkers > 0
+        assert verdicts.config_of(case).masking.method == "none"
