@@ -36,7 +36,6 @@ MIN_OVERLAP = 0.3  # share of the view that both see
 NEIGHBOURS = 1, 2  # keyframes onward that tell what is usual
 DISAGREEING, LEAST_DISAGREEING = 0.2, 2  # share of revisits, and number, that speak against a map
 LEAST_CONTRADICTING = 5  # rejected loops that do; chance makes 1.5 of 150
-LEAST_UNBORNE = 2  # steps from keyframe to keyframe that do
 UNSURE = 0.5  # probability, below which a motion is in doubt
 LEAST_UNSURE = 2  # frames in doubt that do
 
@@ -78,7 +77,7 @@ def assess(folder: MapFolder, config: Config) -> Quality:
         doubts.append(_disagreement(apart, revisits, odometry))
     if len(against) >= LEAST_CONTRADICTING:
         doubts.append(_contradiction(against, odometry))
-    if len(unborne) >= LEAST_UNBORNE:
+    if unborne:
         doubts.append(_unborne(unborne, odometry))
     if len(unsure) >= LEAST_UNSURE:
         doubts.append(_uncertainty(unsure, odometry))
@@ -160,10 +159,11 @@ def _contradiction(against: Sequence[Edge], odometry: Odometry) -> str:
 
 
 def _unborne(unborne: Sequence[tuple[int, int]], odometry: Odometry) -> str:
+    where, count = _within(unborne, odometry), len(odometry.keyframes) - 1
     return (
-        f"{len(unborne)} steps from keyframe to keyframe do not fit the images, within"
-        f" {_within(unborne, odometry)}; what moves filled the view, or the camera was too fast:"
-        " record slower, and with more of what stands still"
+        f"{len(unborne)} of {count} steps from keyframe to keyframe do not fit the images, within"
+        f" {where}; the track is wrong there, by what moved or repeated, or the camera was too"
+        " fast: record slower, with more of what stands still"
     )
 
 
