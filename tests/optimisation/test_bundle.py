@@ -387,3 +387,35 @@ def test_the_step_says_how_well_it_knows_the_offset() -> None:
         step = calibrating_step(truth, problem, by_error, np.zeros(1), np.array([1.0]))
         errors.append(step.change[0] / step.sigmas[0])
     assert 0.2 < np.mean(np.square(errors)) < 2
+
+
+def seen_of_last(seen: Observations, count: int) -> Observations:
+    """The last camera sees so many points only, without depth."""
+    of_last = np.flatnonzero(seen.camera == CAMERAS - 1)
+    seen = without_depth(seen, of_last)
+    return seen[np.setdiff1d(np.arange(len(seen)), of_last[count:])]
+
+
+@pytest.mark.parametrize("count", [1, 2])
+def test_a_camera_that_sees_too_little_is_as_unsure_as_can_be(
+    count: int,
+) -> None:
+    rng = np.random.default_rng(30)
+    truth = scene(rng)
+    seen = measured(truth, rng)
+    found = covariances(truth, seen_of_last(seen, count), [], MODEL)
+    sigmas = np.sqrt(np.diagonal(found, axis1=1, axis2=2))
+    assert sigmas[-1].max() > 0.5 * bundle.UNKNOWN_SIGMA
+    others = np.sqrt(np.diagonal(covariances(truth, seen, [], MODEL), axis1=1, axis2=2))
+    np.testing.assert_allclose(sigmas[1:-1], others[1:-1], rtol=0.2)
+
+
+def test_a_landmark_that_nothing_determines_changes_no_camera() -> None:
+    rng = np.random.default_rng(31)
+    truth = scene(rng)
+    seen = measured(truth, rng)
+    of_one = np.flatnonzero(seen.landmark == 3)
+    known = np.setdiff1d(np.arange(len(seen)), of_one)
+    once = without_depth(seen, of_one)[np.append(known, of_one[0])]
+    expected = covariances(truth, seen[known], [], MODEL)
+    np.testing.assert_allclose(covariances(truth, once, [], MODEL), expected, rtol=1e-3, atol=1e-9)

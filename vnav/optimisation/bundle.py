@@ -6,6 +6,7 @@ import numpy as np
 from vnav.core.arrays import Array
 from vnav.optimisation.bundle_graph import (
     BundleProblem,
+    add_weak_priors,
     factor_graph,
     landmarks_first,
     point_key,
@@ -13,6 +14,7 @@ from vnav.optimisation.bundle_graph import (
 )
 from vnav.optimisation.sensor_model import Bundle
 
+UNKNOWN_SIGMA = 1.0  # rad, m: of what nothing determines; all that is determined is far better
 CONVERGED = 1e-3  # relative decrease of the error; a hundredth of it moves no pose by 0.1 mm
 
 
@@ -47,7 +49,8 @@ def covariances(bundle: Bundle, problem: BundleProblem) -> Array:
     """Marginal covariance (K, 6, 6) of each camera's tangent, rotation first; NaN if unseen.
 
     Relative to the first camera, which is fixed, or to the world of the prior; that of the prior
-    itself where it is fixed.
+    itself where it is fixed. Where observations leave a pose or a point undetermined, each is held
+    by `UNKNOWN_SIGMA`, which is what a pose then has in the directions that nothing tells.
     """
     cameras = len(bundle.T_world_camera)
     if problem.prior and problem.prior.fixed:
@@ -55,7 +58,17 @@ def covariances(bundle: Bundle, problem: BundleProblem) -> Array:
     found = np.full((cameras, 6, 6), np.nan)
     if not len(problem.cameras):
         return found
-    marginals = gtsam.Marginals(*factor_graph(problem, bundle))
+    marginals = _marginals(problem, bundle)
     for k in problem.cameras:
         found[k] = marginals.marginalCovariance(pose_key(k))
     return found
+
+
+def _marginals(problem: BundleProblem, bundle: Bundle) -> gtsam.Marginals:
+    """Marginals at a bundle; of a singular system, with weak priors on all that it has."""
+    graph, values = factor_graph(problem, bundle)
+    try:
+        return gtsam.Marginals(graph, values)
+    except RuntimeError:  # gtsam's IndeterminateSystemException
+        add_weak_priors(graph, problem, bundle, UNKNOWN_SIGMA)
+        return gtsam.Marginals(graph, values)

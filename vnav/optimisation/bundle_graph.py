@@ -75,6 +75,16 @@ def factor_graph(problem: BundleProblem, bundle: Bundle) -> tuple[Any, Any]:
     return graph, values
 
 
+def add_weak_priors(graph: Any, problem: BundleProblem, bundle: Bundle, sigma: float) -> None:
+    """A prior of so many rad and m on every camera and landmark where it is, in place."""
+    of_pose, of_point = (gtsam.noiseModel.Isotropic.Sigma(n, sigma) for n in (6, 3))
+    for k in problem.cameras:
+        pose = gtsam.Pose3(bundle.T_world_camera[k])
+        graph.add(gtsam.PriorFactorPose3(pose_key(k), pose, of_pose))
+    for n in problem.landmarks:
+        graph.add(gtsam.PriorFactorPoint3(point_key(n), bundle.points_world[n], of_point))
+
+
 def landmarks_first(problem: BundleProblem) -> Any:
     """Elimination order of the Schur complement: landmarks, then cameras."""
     ordering = gtsam.Ordering()
