@@ -147,10 +147,15 @@ def measure(asked: argparse.Namespace) -> Iterator[Measurement]:
     all_cases = cases(asked.seeds, asked.large)
     found = np.array([off_and_doubtful(case, asked.out) for case in all_cases])
     kinds = np.array([case.kind for case in all_cases])
-    on = f"rendered maps, seeds {min(asked.seeds)} to {max(asked.seeds)}"
+    on = f"rendered maps, {seeds_of(asked)}"
     for kind in dict.fromkeys(kinds.tolist()):
         yield from counted(on, kind, found[kinds == kind])
     yield from counted(on, "all", found, MOST_ALARMS)
+
+
+def seeds_of(asked: argparse.Namespace) -> str:
+    """Which seeds are asked, for a person."""
+    return f"seeds {min(asked.seeds)} to {max(asked.seeds)}"
 
 
 def counted(
@@ -181,7 +186,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     found = list(measure(asked))
     print(table(found))
     if asked.record:
-        record(f"verdicts_{asked.large}", "how robust", found, arguments)
+        record(f"verdicts_{seeds_of(asked).replace(' ', '_')}", "how robust", found, arguments)
     return int(bool(missed(found)))
 
 
