@@ -27,7 +27,7 @@ def frame(background_m: float, body_m: float = 2.0) -> ReducedFrame:
 
 
 def votes(same: int = 0, free: int = 0) -> Votes:
-    return Votes(np.full(SHAPE, same, np.int32), np.full(SHAPE, free, np.int32))
+    return Votes(np.full(SHAPE, same, np.float32), np.full(SHAPE, free, np.float32))
 
 
 def test_what_is_narrower_than_three_blocks_is_no_region() -> None:
@@ -54,7 +54,7 @@ def test_a_region_does_not_grow_into_what_many_have_seen_in_its_place() -> None:
 
 
 def test_a_small_region_does_not_grow() -> None:
-    seed = blocks(np.s_[10:15, 30:40])
+    seed = blocks(np.s_[10:15, 30:35])
     assert np.array_equal(grown(seed, votes(), frame(3.0)), seed)
 
 

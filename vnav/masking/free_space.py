@@ -12,57 +12,63 @@ from vnav.core.arrays import Array, Floats
 from vnav.masking.view import Blocks, PosedView
 
 MIN_Z_M = 0.05  # nothing is seen nearer than this
-SIGMAS = 4.0 * np.sqrt(2)  # of the difference of two depths, that are not noise
-SAME, RUN, LONGEST_RUN = range(3)
+SIGMAS = 4.0  # of the difference of two depths, that are not noise
+MEAN_OF_SIGMA = np.sqrt(2 / np.pi)  # mean absolute value of noise whose deviation is 1
+FITS = 2.0  # times the noise of two depths, by which views differ that fit
+STRIDE = 3  # between the blocks that tell how well two views fit
+MIN_FITTED = 30  # such blocks
+SAME, FREE = range(2)
 
 
 @dataclass(frozen=True)
 class Votes:
     """Of each block (h, w): how many views see its surface, and how many see through it.
 
-    ``free_run``: most of these in a row, with none between them that sees the surface. Something
-    that comes or goes is seen through by all before or after; an error of a pose is not.
+    A view that fits counts for one; of those that fit worse, more are needed to see through it.
     """
 
-    same: NDArray[np.int32]
-    free_run: NDArray[np.int32]
+    same: Floats
+    free: Floats
 
 
 def count_votes(
     view: PosedView, others: Sequence[PosedView], sigma_per_m2: float, margin_m: float
 ) -> Votes:
-    """Hold a view's surfaces against what others, in order of time, measured where they fall.
+    """Hold a view's surfaces against what others measured where they fall.
 
     A surface is seen through where a view has measured depth in a block and all about it, all
     farther by more than the noise and the margin: a misalignment of one block changes nothing.
-    Where a view has no depth, where something hides the surface, and beyond the image it has no
-    vote. Views have one camera; none give no votes.
+    The noise is the sensor's, or more where surfaces that both see differ by more: then a pose is
+    not exact, or depth is late. Where a view has no depth, where something hides the surface, and
+    beyond the image it has no vote. Views have one camera; none give no votes.
     """
-    counts = np.zeros((3, *view.frame.grey.shape), np.int32)
+    votes = np.zeros((2, *view.frame.grey.shape), np.float32)
     K = view.frame.intrinsics
     camera = np.array([K.fx, K.fy, K.cx, K.cy])
-    limits = np.array([SIGMAS * sigma_per_m2, margin_m])
+    sigma = np.sqrt(2) * sigma_per_m2
     for other in others:
         T = se3.inverse(other.T_track_camera) @ view.T_track_camera
-        seen = (other.nearest, other.farthest, other.clear)
-        _add_votes(counts, view.frame.inverse_depth, *seen, T, camera, limits)
-    return Votes(counts[SAME], counts[LONGEST_RUN])
+        places, expected = _places(view.frame.inverse_depth, T, camera)
+        depths = other.frame.inverse_depth, other.nearest, other.farthest
+        noise = _difference(places, expected, *depths, SIGMAS * sigma, margin_m) / MEAN_OF_SIGMA
+        weight = min(1.0, (FITS * sigma / noise) ** 2) if noise > 0 else 1.0
+        noise = SIGMAS * max(sigma, noise)
+        _add_votes(votes, weight, places, expected, *depths[1:], other.clear, noise, margin_m)
+    return Votes(votes[SAME], votes[FREE])
 
 
 @compiled
-def _add_votes(
-    counts: NDArray[np.int32],
-    inverse_depth: Floats,
-    nearest: Floats,
-    farthest: Floats,
-    clear: Blocks,
-    T: Array,
-    camera: Array,
-    limits: Array,
-) -> None:
-    """Add one view's votes, in place; T takes points to it, and depths are inverse depths."""
+def _places(
+    inverse_depth: Floats, T: Array, camera: Array
+) -> tuple[NDArray[np.int32], NDArray[np.float32]]:
+    """Of each block (h, w) the one of the other view where it falls, by number, -1 where none.
+
+    And the inverse depth that it has there; T takes points to the other view.
+    """
     height, width = inverse_depth.shape
     fx, fy, cx, cy = camera
+    places = np.full((height, width), -1, np.int32)
+    expected = np.zeros((height, width), np.float32)
     for v in range(height):
         for u in range(width):
             w = inverse_depth[v, u]
@@ -72,17 +78,62 @@ def _add_votes(
                 continue
             column = fx * (T[0, 0] * x + T[0, 1] * y + T[0, 2] + T[0, 3] * w) / z + cx
             row = fy * (T[1, 0] * x + T[1, 1] * y + T[1, 2] + T[1, 3] * w) / z + cy
-            if not (-0.5 <= column < width - 0.5 and -0.5 <= row < height - 0.5):
+            if -0.5 <= column < width - 0.5 and -0.5 <= row < height - 0.5:
+                places[v, u] = int(row + 0.5) * width + int(column + 0.5)
+                expected[v, u] = w / z
+    return places, expected
+
+
+@compiled
+def _difference(
+    places: NDArray[np.int32],
+    expected: Floats,
+    inverse_depth: Floats,
+    nearest: Floats,
+    farthest: Floats,
+    noise: float,
+    margin_m: float,
+) -> float:
+    """Mean absolute difference of inverse depth on smooth surfaces that both views see.
+
+    0 where they share too few.
+    """
+    height, width = places.shape
+    total, found = 0.0, 0
+    for v in range(0, height, STRIDE):
+        for u in range(0, width, STRIDE):
+            i, j = divmod(places[v, u], width)
+            if places[v, u] < 0 or inverse_depth[i, j] == 0:
                 continue
-            i, j = int(row + 0.5), int(column + 0.5)
-            if nearest[i, j] == 0:
+            tolerance = noise + margin_m * expected[v, u] * inverse_depth[i, j]
+            off = abs(expected[v, u] - inverse_depth[i, j])
+            if nearest[i, j] - farthest[i, j] < tolerance and off < tolerance:
+                total += off
+                found += 1
+    return total / found if found >= MIN_FITTED else 0.0
+
+
+@compiled
+def _add_votes(
+    votes: Floats,
+    weight: float,
+    places: NDArray[np.int32],
+    expected: Floats,
+    nearest: Floats,
+    farthest: Floats,
+    clear: Blocks,
+    noise: float,
+    margin_m: float,
+) -> None:
+    """Add one view's votes, in place."""
+    height, width = places.shape
+    for v in range(height):
+        for u in range(width):
+            i, j = divmod(places[v, u], width)
+            if places[v, u] < 0 or nearest[i, j] == 0:
                 continue
-            expected = w / z
-            tolerance = limits[0] + limits[1] * expected * nearest[i, j]
-            if expected - nearest[i, j] > tolerance:
-                run = counts[RUN, v, u] + clear[i, j]
-                counts[RUN, v, u] = run
-                counts[LONGEST_RUN, v, u] = max(counts[LONGEST_RUN, v, u], run)
-            elif expected > farthest[i, j] - tolerance:
-                counts[SAME, v, u] += 1
-                counts[RUN, v, u] = 0
+            tolerance = noise + margin_m * expected[v, u] * nearest[i, j]
+            if expected[v, u] - nearest[i, j] > tolerance:
+                votes[FREE, v, u] += weight * clear[i, j]
+            elif expected[v, u] > farthest[i, j] - tolerance:
+                votes[SAME, v, u] += 1

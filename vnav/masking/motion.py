@@ -16,7 +16,7 @@ from vnav.masking.regions import beside, grown, large, opened
 from vnav.masking.view import Blocks, PosedView
 from vnav.masking.warps import WARPS
 
-MIN_FREE_RUN = 3  # views in a row that see through a surface which is not there
+ENOUGH = 1.0  # views that fit, or more that fit worse, see through what is not there
 
 
 class MotionMask:
@@ -53,7 +53,7 @@ class MotionMask:
             return large(opened(view.changed), self._min_blocks)
         votes = count_votes(view, others, self._sigma, self._config.depth_margin_m)
         inverse_depth = view.frame.inverse_depth
-        regions = large(opened(votes.free_run >= MIN_FREE_RUN), self._min_blocks)
+        regions = large(opened(votes.free >= ENOUGH), self._min_blocks)
         if not regions.any():
             return regions
         regions = grown(regions, votes, view.frame)

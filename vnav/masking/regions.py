@@ -14,7 +14,7 @@ from vnav.masking.view import AROUND, Blocks
 
 STEP_M = 0.05  # between neighbours on one body
 REACH_M = 1.0  # that a region grows by, along the surface
-LEAST_SHARE = 0.015  # of the image, that a region has which grows: smaller ones may be noise
+LEAST_SHARE = 0.006  # of the image, that a region has which grows: smaller ones may be noise
 MAX_SAME = 5  # views that see a surface where it is, for it to be part of what moves
 EDGE = 2  # blocks without depth beside a region that are its own: the sensor has none at edges
 
@@ -47,7 +47,7 @@ def grown(regions: Blocks, votes: Votes, frame: ReducedFrame) -> Blocks:
     A block that many views have seen where it is and none has seen through is of no body that
     moves: floor or wall.
     """
-    may_move = (votes.same <= MAX_SAME) | (votes.free_run > 0)
+    may_move = (votes.same <= MAX_SAME) | (votes.free > 0)
     bodies = large(regions, LEAST_SHARE * regions.size)
     block_rad = 1 / frame.intrinsics.fx
     result = regions | _flooded(bodies, may_move, frame.inverse_depth, block_rad)
