@@ -33,8 +33,10 @@ class Plane:
         )
 
 
-def view(planes: Sequence[Plane], x: float, y: float = 0.0, *, seed: int, index: int = 0) -> Frame:
-    """What a camera at x, y sees of them, with the noise of a Kinect."""
+def view(
+    planes: Sequence[Plane], x: float | np.ndarray, y: float = 0.0, *, seed: int, index: int = 0
+) -> Frame:
+    """What a camera at x, y sees of them, with the noise of a Kinect; x may be one a row (H, 1)."""
     rng = np.random.default_rng(seed)
     v, u = np.mgrid[: CAMERA.height, : CAMERA.width].astype(float)
     grey, depth = np.zeros(u.shape), np.full(u.shape, np.inf)

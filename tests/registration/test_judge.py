@@ -1,11 +1,14 @@
 """Which of several motions all pixels bear out, where what repeats or moves agrees with itself."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from tests.registration.plane_views import Plane, periodic, plain, speckle, view
+from tests.registration.plane_views import CAMERA, Plane, periodic, plain, speckle, view
 from vnav.config import RegistrationConfig
 from vnav.core import se3
+from vnav.core.frame import Frame
 from vnav.core.reduced_frame import reduced
 from vnav.registration.judge import PixelEvidence, are_same, judge
 
@@ -87,6 +90,48 @@ def test_motions_are_the_same_that_pixels_cannot_tell_apart() -> None:
     a = reduced(view([Plane(2.0, speckle(8))], 0, seed=0))
     assert are_same(a, shift(0.05), shift(0.052), CONFIG)
     assert not are_same(a, shift(0.05), shift(0.15), CONFIG)
+
+
+LATE_S, LINE_S = 0.02, 5e-5  # what delays may be without anybody's knowledge
+ROOM = [Plane(2.5, speckle(10)), Plane(1.2, speckle(11), (-0.5, -2.0), (0.3, 2.0))]
+ROWS_S = LINE_S * (np.arange(CAMERA.height) - (CAMERA.height - 1) / 2)[:, None]
+
+
+def probability(a: Frame, b: Frame, motion: np.ndarray, twist: list[float]) -> float:
+    """Of a motion from a camera at rest to one that moves by a twist."""
+    after = reduced(b).moving(np.array(twist))
+    return float(judge(reduced(a), after, [motion], CONFIG).probabilities[0])
+
+
+def test_depth_that_is_late_contradicts_no_motion_while_the_camera_moves() -> None:
+    speed = 1.5
+    later = [replace(p, z=p.z - 2 * LATE_S * speed) for p in ROOM]
+    a, b = view(ROOM, 0, seed=0), view(ROOM, STEP_M, seed=1)
+    late = replace(b, depth_m=view(later, STEP_M, seed=1).depth_m)
+    assert probability(a, late, shift(STEP_M), [0, 0, 0, 0, 0, 0]) < 0.05
+    assert probability(a, late, shift(STEP_M), [0, 0, 0, 0, 0, speed]) > 0.95
+
+
+def test_rows_that_are_late_contradict_no_motion_while_the_camera_moves() -> None:
+    speed, wall = 8.0, [Plane(2.0, speckle(12, grain_m=0.03))]  # 20 px at the image's rims
+    a, b = view(wall, 0, seed=0), view(wall, STEP_M, seed=1)
+    skewed = replace(b, color=view(wall, STEP_M + 2 * speed * ROWS_S, seed=1).color)
+    at_rest, moving = ([0, 0, 0, v, 0, 0] for v in (0.0, speed))
+    assert probability(a, skewed, shift(STEP_M), at_rest) < 0.4
+    assert probability(a, skewed, shift(STEP_M), moving) > 0.8
+
+
+def test_a_wrong_motion_stays_improbable_while_the_camera_moves() -> None:
+    a, b = view(ROOM, 0, seed=0), view(ROOM, STEP_M, seed=1)
+    wrong = shift(STEP_M + 0.3, 0.2) @ se3.exp([0, 0, 0, 0, 0, 0.3])
+    assert probability(a, b, wrong, [0, 0, 0, 1.0, 0, 1.0]) < 0.05
+
+
+def test_motions_are_the_same_that_are_apart_by_what_the_camera_moves_meanwhile() -> None:
+    a = reduced(view([Plane(2.0, speckle(8))], 0, seed=0)).moving(np.array([0, 0, 0, 1.0, 0, 0]))
+    assert are_same(a, shift(0.05), shift(0.08), CONFIG, delay_s=0.04)
+    assert not are_same(a, shift(0.05), shift(0.08), CONFIG)
+    assert not are_same(a, shift(0.05), shift(0.15), CONFIG, delay_s=0.04)
 
 
 MARKS = np.random.default_rng(4).uniform((-1.8, -1.3), (1.8, 1.3), (40, 2))

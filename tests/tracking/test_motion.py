@@ -70,3 +70,8 @@ def test_the_next_frame_is_expected_where_the_motion_leads_or_where_the_camera_i
     going_on, resting = after_two_frames().expected
     np.testing.assert_allclose(going_on, STEP @ STEP, atol=1e-9)
     np.testing.assert_allclose(resting, STEP, atol=1e-9)
+
+
+def test_the_twist_is_that_of_the_last_step_and_none_before_there_is_one() -> None:
+    assert not ConstantVelocity().twist.any()
+    np.testing.assert_allclose(after_two_frames().twist, [0, 1, 0, *(STEP[:3, 3] / 0.1)], atol=1e-9)

@@ -1,17 +1,19 @@
 """The pose of a frame among things that repeat, and things that move."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from tests.registration.plane_views import CAMERA, Plane, periodic, speckle, view
 from vnav.config import Config, FeaturesConfig
 from vnav.core import se3
-from vnav.core.frame import Frame
+from vnav.core.frame import Frame, PoseEstimate
 from vnav.core.mapping import FrameFeatures
 from vnav.core.reduced_frame import reduced
 from vnav.features import front_end
 from vnav.features.lifting import lift
-from vnav.tracking.pose_choice import ChosenMotions, Target, TrackedFrame
+from vnav.tracking.pose_choice import ChosenMotions, PoseChoice, Target, TrackedFrame
 from vnav.tracking.pose_search import PoseSearch
 
 CONFIG = Config(features=FeaturesConfig(max_features=500))
@@ -75,3 +77,28 @@ def test_among_shelves_that_are_all_the_same_the_pose_that_was_expected_is_among
     ]
     np.testing.assert_allclose(apart, PERIOD_M, atol=0.01)
     assert max(e.probability for e in choice.estimates.values()) < 0.95
+
+
+def test_poses_that_unknown_delays_set_apart_share_their_probability() -> None:
+    (at_rest,), (moving,) = (weighed(v, apart_m=0.006).estimates.values() for v in (0.0, 1.0))
+    assert at_rest.probability < 0.9
+    assert moving.probability > 0.99
+
+
+def test_a_pose_that_is_farther_away_than_delays_explain_lends_no_probability() -> None:
+    (estimate,) = weighed(1.0, apart_m=PERIOD_M).estimates.values()
+    assert estimate.probability < 0.5
+
+
+def weighed(speed: float, apart_m: float) -> ChosenMotions:
+    """The choice between two poses that are so far from the right one, to the left and right."""
+    frames = [tracked(view([WALL], x, seed=k, index=k)) for k, x in enumerate((0.0, 0.1, 0.2))]
+    twist = np.array([0, 0, 0, speed, 0, 0])
+    moving = [replace(f, image=f.image.moving(twist)) for f in frames]
+    targets = [Target(moving[1], at(0.1)), Target(moving[0], at(0.0))]
+    choice = PoseChoice(targets, moving[2].image, CONFIG.registration)
+    inliers = np.zeros((100, 2), np.int32)
+    for target, x in zip(targets, (0.1 - apart_m, 0.2 + apart_m), strict=True):
+        choice.add(target, [PoseEstimate(at(x), np.eye(6), inliers, 100)])
+    choice.judge()
+    return choice.result()

@@ -73,8 +73,11 @@ def disagreeing(revisits: Sequence[Agreement], neighbours: Sequence[Agreement]) 
 
 def _nearer(a: ReducedFrame, b: ReducedFrame, T_b_a: Array, config: RegistrationConfig) -> Array:
     """How much nearer (N,) points of a are than b's surface, in sigmas; NaN where hidden."""
-    cameras = np.array([[c.fx, c.fy, c.cx, c.cy] for c in (a.intrinsics, b.intrinsics)])
-    sigmas = np.array([config.pixel_sigma_px / BLOCK_PX, config.depth_sigma_per_m2, GREY_SIGMA])
+    cameras = np.zeros((2, 10))  # at rest: their delays are known by now
+    cameras[:, :4] = [[c.fx, c.fy, c.cx, c.cy] for c in (a.intrinsics, b.intrinsics)]
+    sigmas = np.array(
+        [config.pixel_sigma_px / BLOCK_PX, config.depth_sigma_per_m2, GREY_SIGMA, 0, 0]
+    )
     met = carried(np.ascontiguousarray(T_b_a), _image(a), _image(b), cameras, _grid(a), sigmas)
     return np.asarray(met[:, 0] / met[:, 2])
 

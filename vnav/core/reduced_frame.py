@@ -1,12 +1,12 @@
 """Frames made small, so that all their pixels can be asked at little cost."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from vnav.core.arrays import frozen
+from vnav.core.arrays import Array, frozen
 from vnav.core.camera import Intrinsics
 from vnav.core.frame import Frame
 
@@ -21,18 +21,24 @@ class ReducedFrame:
     """Brightness and depth in blocks of pixels.
 
     ``grey`` (H, W) float32: a block's mean; ``inverse_depth`` (H, W) float32 in 1/m: a block's
-    mean, 0 where it has too little depth or a depth edge; ``intrinsics`` of both.
+    mean, 0 where it has too little depth or a depth edge; ``intrinsics`` of both. ``twist`` (6,) of
+    the camera in its own axes, rotation first, rad/s and m/s: 0 where nothing tells.
     """
 
     stamp_s: float
     grey: NDArray[np.float32]
     inverse_depth: NDArray[np.float32]
     intrinsics: Intrinsics
+    twist: Array = field(default_factory=lambda: np.zeros(6))
 
     def __post_init__(self) -> None:
         shape = self.intrinsics.height, self.intrinsics.width
         for name in ("grey", "inverse_depth"):
             object.__setattr__(self, name, frozen(getattr(self, name), np.float32, shape))
+
+    def moving(self, twist: Array) -> "ReducedFrame":
+        """The same, of a camera that moves by a twist."""
+        return replace(self, twist=twist)
 
 
 def reduced(frame: Frame, block_px: int = BLOCK_PX) -> ReducedFrame:

@@ -11,8 +11,9 @@ from vnav.core.arrays import Array
 from vnav.core.camera import Intrinsics
 from vnav.core.frame import Edge, Frame, PoseEstimate, Rejected
 from vnav.core.mapping import Odometry
-from vnav.core.reduced_frame import reduced
+from vnav.core.reduced_frame import ReducedFrame, reduced
 from vnav.features.matching import DescriptorMatcher
+from vnav.optimisation.camera_motion import velocities
 from vnav.optimisation.contradictions import Contradiction
 from vnav.optimisation.cycles import are_wrong
 from vnav.optimisation.segments import same_pose
@@ -62,8 +63,15 @@ class SecondLook:
 
     def log_odds(self, i: int, j: int, motions: Sequence[Array]) -> Array:
         """Of each motion (C,) from keyframe i to j against each (C + 1, C + 1), none the last."""
-        a, b = (reduced(self._views(row)) for row in (i, j))
+        a, b = (self._moving(row) for row in (i, j))
         return judge(a, b, motions, self._config.registration).log_odds
+
+    def _moving(self, row: int) -> ReducedFrame:
+        """A keyframe's pixels, and how fast it moved."""
+        odometry = self._odometry
+        inside = odometry.segment == odometry.segment[row]
+        poses = np.where(inside[:, None, None], odometry.T_segment_camera, np.nan)
+        return reduced(self._views(row)).moving(velocities(poses, odometry.frames)[row])
 
     def _other_motion(self, stretch: Contradiction) -> Edge | None:
         """An alternative near the motion that closures imply, else one registered from there."""

@@ -11,8 +11,9 @@ from vnav.optimisation.feature_tracks import FeatureTracks
 from vnav.optimisation.observation_selection import ObservationSelection, move_unshared_points
 from vnav.optimisation.sensor_errors import SensorErrors
 from vnav.optimisation.sensor_model import Bundle
+from vnav.registration.pixel_evidence import DEPTH_DELAY_SIGMA_S, LINE_DELAY_SIGMA_S
 
-PRIOR_SIGMAS = np.array([2e-4, 0.02, 5e-5])  # 3 mm at 4 m; a frame's half; a Kinect's line delay
+PRIOR_SIGMAS = np.array([2e-4, DEPTH_DELAY_SIGMA_S, LINE_DELAY_SIGMA_S])  # first: 3 mm at 4 m
 LARGEST = np.array([6e-4, 0.05, 1e-4])  # what is found beyond is no such error
 SURE_SIGMAS = np.array([0.0, 5.0, 5.0])  # with fewer from 0, a delay is not determined
 PASSES, STEPS = 8, 2  # a pass chooses its observations, and measures them without the errors

@@ -21,7 +21,13 @@ from vnav.core.arrays import Array, Floats
 from vnav.core.camera import Intrinsics
 from vnav.core.reduced_frame import BLOCK_PX, ReducedFrame
 from vnav.registration.cell_votes import poll
-from vnav.registration.pixel_evidence import SEEN_SIGMAS, carried, log_likelihoods
+from vnav.registration.pixel_evidence import (
+    DEPTH_DELAY_SIGMA_S,
+    LINE_DELAY_SIGMA_S,
+    SEEN_SIGMAS,
+    carried,
+    log_likelihoods,
+)
 
 CELLS = 12, 16  # down and across
 MAX_SAMPLES = 3000  # pixels of a frame that are asked
@@ -68,7 +74,9 @@ def judge(
     """The evidence of all pixels with depth of two frames on motions ``T_a_b`` between them.
 
     Both ways: a's pixels are held against b, and b's against a. No preference where nothing
-    overlaps. Candidates that pixels cannot tell apart had better be one: see `are_same`.
+    overlaps. Candidates that pixels cannot tell apart had better be one: see `are_same`. A camera
+    that moves sees its depth late, and its rows one after the other: delays that are not known
+    yet are noise, as large as the frames' twists make it.
     """
     of_a, of_b = _View.of(a), _View.of(b)
     inverses = [se3.inverse(T) for T in candidates]
@@ -77,18 +85,30 @@ def judge(
     return PixelEvidence(favour, variance)  # the mean: what one way tells, the other tells again
 
 
-def are_same(a: ReducedFrame, T_a_b: Array, U_a_b: Array, config: RegistrationConfig) -> bool:
-    """Whether two motions put most of a's pixels with depth at one place in b, but for noise."""
+def are_same(
+    a: ReducedFrame, T_a_b: Array, U_a_b: Array, config: RegistrationConfig, delay_s: float = 0.0
+) -> bool:
+    """Whether two motions put most of a's pixels with depth at one place in b, but for noise.
+
+    Also those that are apart by no more than what the camera moves within ``delay_s``.
+    """
     pixels = _grid(a.intrinsics, MAX_SAMPLES // 8)[0]
     inverse_depth = a.inverse_depth[pixels[:, 1], pixels[:, 0]]
     seen = inverse_depth > 0
     points = a.intrinsics.unproject(pixels[seen], 1 / inverse_depth[seen].astype(float))
     first, second = (se3.transform(se3.inverse(motion), points) for motion in (T_a_b, U_a_b))
-    apart = np.linalg.norm(a.intrinsics.project(first) - a.intrinsics.project(second), axis=1)
-    farther = np.abs(1 / first[:, 2] - 1 / second[:, 2])
+    apart, farther = _apart(first, second, a.intrinsics)
+    later = se3.transform(se3.exp(delay_s * a.twist), points)
+    passed, nearer = _apart(points, later, a.intrinsics)
     limits = SAME * config.ransac_threshold_px / BLOCK_PX, SEEN_SIGMAS * config.depth_sigma_per_m2
-    same = (apart < limits[0]) & (farther < limits[1])
+    same = (apart < np.hypot(limits[0], passed)) & (farther < np.hypot(limits[1], nearer))
     return bool(2 * same.sum() >= len(same))
+
+
+def _apart(points: Array, others: Array, camera: Intrinsics) -> tuple[Array, Array]:
+    """How far points (N, 3) are from others, in pixels (N,) and in inverse depth (N,)."""
+    px = np.linalg.norm(camera.project(points) - camera.project(others), axis=1)
+    return px, np.abs(1 / points[:, 2] - 1 / others[:, 2])
 
 
 @dataclass(frozen=True)
@@ -96,8 +116,9 @@ class _View:
     """A reduced frame as the loops take it, and which of its pixels are asked.
 
     ``image`` (H, W, 2): inverse depth, and brightness smoothed so that it can be interpolated;
-    ``spread`` (2,): their standard deviations; ``camera``: fx, fy, cx, cy; ``pixels`` (N, 2), their
-    ``brightness`` and ``cells`` (N,); mean ``surface`` of the cells (R, C), 0 where unknown.
+    ``spread`` (2,): their standard deviations; ``camera`` (10,): fx, fy, cx, cy, then the twist;
+    ``pixels`` (N, 2), their ``brightness`` and ``cells`` (N,); mean ``surface`` of the cells
+    (R, C), 0 where unknown.
     """
 
     image: Floats
@@ -123,7 +144,7 @@ class _View:
         total, count = (np.bincount(cells, k, CELLS[0] * CELLS[1]) for k in (inverse_depth, known))
         surface = (total / np.maximum(count, 1)).reshape(CELLS)
         c = frame.intrinsics
-        camera = np.array([c.fx, c.fy, c.cx, c.cy])
+        camera = np.array([c.fx, c.fy, c.cx, c.cy, *frame.twist])
         weight = stride**2 / CORRELATED
         spreads = np.array([spread, brightness.std()])
         return cls(image, spreads, camera, pixels, weight, brightness, cells, surface)
@@ -133,7 +154,9 @@ def _votes(
     a: _View, b: _View, T_b_a: Sequence[Array], config: RegistrationConfig
 ) -> tuple[Array, Array]:
     """How a's cells vote, by what their pixels meet in b; see `poll`."""
-    sigmas = np.array([config.pixel_sigma_px / BLOCK_PX, config.depth_sigma_per_m2, GREY_SIGMA])
+    delays = DEPTH_DELAY_SIGMA_S, BLOCK_PX * LINE_DELAY_SIGMA_S
+    place = config.pixel_sigma_px / BLOCK_PX
+    sigmas = np.array([place, config.depth_sigma_per_m2, GREY_SIGMA, *delays])
     cameras, chance = np.stack([a.camera, b.camera]), np.hypot(a.spread, b.spread)
     told = np.zeros((len(T_b_a) + 1, len(a.pixels)))
     for k, T in enumerate(T_b_a):

@@ -10,6 +10,7 @@ from vnav.registration.refinement import CAUCHY_SIGMAS
 
 SEEN_SIGMAS = 3.0  # of inverse depth: a point so near to the surface is a point of it
 EXPOSURE_ROUNDS = 3
+DEPTH_DELAY_SIGMA_S, LINE_DELAY_SIGMA_S = 0.02, 5e-5  # a frame's half; a Kinect's line delay
 
 
 @compiled
@@ -45,12 +46,14 @@ def carried(
     How much nearer the pixel's point is than b's surface, in inverse depth, and b's brightness;
     then the standard deviation of both. NaN where there is nothing to compare: a point outside b,
     or hidden in it; the brightness also of one that is seen through. ``a`` and ``b`` (H, W, 2):
-    inverse depth, 0 for none, and brightness; ``cameras`` (2, 4): fx, fy, cx, cy of a and of b;
-    ``sigmas`` of a place in pixels, of inverse depth, of brightness.
+    inverse depth, 0 for none, and brightness; ``cameras`` (2, 10): fx, fy, cx, cy of a and of b,
+    then the twist; ``sigmas`` (5,) of a place in pixels, of inverse depth, of brightness, and of
+    the delays of depth and of a row in seconds, which count where a camera moves.
     """
     met = np.full((len(pixels), 4), np.nan)
-    point, p, seen = np.empty(3), np.empty(3), np.empty((2, 3))
+    point, p, seen, own = np.empty(3), np.empty(3), np.empty((2, 3)), np.empty((2, 3))
     here, there = cameras[0], cameras[1]
+    is_moving = np.abs(cameras[:, 4:]).max() > 0
     for n in range(len(pixels)):
         u, v = pixels[n]
         w = a[v, u, 0]
@@ -66,6 +69,10 @@ def carried(
             continue
         nearer = 1 / p[2] - seen[0, 0]
         _spread(met[n, 2:], seen, sigmas, 1 / p[2] / w)
+        if is_moving and _interpolated(own, a, u, v):
+            late = _late(own, here, u, v, len(a)), _late(seen, there, x, y, len(b))
+            shift = _parallax(T_b_a, there, x, y, p[2] * w)
+            _add_delays(met[n, 2:], seen, late, shift, 1 / p[2] / w, sigmas[3:])
         if nearer >= -SEEN_SIGMAS * met[n, 2]:
             met[n, 0] = nearer
         if abs(nearer) < SEEN_SIGMAS * met[n, 2]:
@@ -95,12 +102,60 @@ def _interpolated(seen: Array, image: Floats, x: float, y: float) -> bool:
 @compiled
 def _spread(sigma: Array, seen: Array, sigmas: Array, scale: float) -> None:
     """Standard deviations (2,) of both residuals: by noise, and by slope times noise of place."""
-    place, depth, grey = sigmas
+    place, depth, grey = sigmas[:3]
     brought = depth * scale * scale  # noise of the inverse depth that a measured
     slope = seen[0, 1] ** 2 + seen[0, 2] ** 2
     edge = seen[1, 1] ** 2 + seen[1, 2] ** 2
     sigma[0] = np.sqrt(depth * depth + brought * brought + place * place * slope)
     sigma[1] = np.sqrt(2 * grey * grey + place * place * edge)
+
+
+@compiled
+def _late(
+    seen: Array, camera: Array, x: float, y: float, height: int
+) -> tuple[float, float, float]:
+    """What a pixel gains by a second's delay: inverse depth if depth's, u and v if a row's.
+
+    Optical flow by the camera's twist; a depth image that is late shows the surface beside, too.
+    """
+    rx, ry, w = (x - camera[2]) / camera[0], (y - camera[3]) / camera[1], seen[0, 0]
+    spin, speed = camera[4:7], camera[7:10]
+    along = spin[1] * rx - spin[0] * ry - speed[2] * w
+    u = (spin[2] * ry - spin[1] - speed[0] * w - rx * along) * camera[0]
+    v = (spin[0] - spin[2] * rx - speed[1] * w - ry * along) * camera[1]
+    rows = y - (height - 1) / 2
+    return -w * along - seen[0, 2] * u - seen[0, 1] * v, u * rows, v * rows
+
+
+@compiled
+def _parallax(T_b_a: Array, camera: Array, x: float, y: float, scale: float) -> tuple[float, float]:
+    """Pixels in b by which a's point is elsewhere for each 1/m of its inverse depth."""
+    u = camera[0] * T_b_a[0, 3] - (x - camera[2]) * T_b_a[2, 3]
+    v = camera[1] * T_b_a[1, 3] - (y - camera[3]) * T_b_a[2, 3]
+    return u / scale, v / scale
+
+
+@compiled
+def _add_delays(
+    sigma: Array,
+    seen: Array,
+    late: tuple[tuple[float, float, float], tuple[float, float, float]],
+    shift: tuple[float, float],
+    scale: float,
+    delays: Array,
+) -> None:
+    """Add to standard deviations (2,) of both residuals what unknown delays do, in place.
+
+    To first order. A sensor has one delay: frames that move alike are displaced alike.
+    """
+    (of_depth, u, v), (of_depth_b, u_b, v_b) = late
+    along_slope = seen[0, 2] * shift[0] + seen[0, 1] * shift[1]
+    along_edge = seen[1, 2] * shift[0] + seen[1, 1] * shift[1]
+    depth = ((scale * scale - along_slope) * of_depth - of_depth_b) ** 2
+    rows = (seen[1, 2] * (u - u_b) + seen[1, 1] * (v - v_b)) ** 2
+    sigma[0] = np.sqrt(sigma[0] ** 2 + delays[0] ** 2 * depth)
+    grey = (delays[0] * along_edge * of_depth) ** 2 + delays[1] ** 2 * rows
+    sigma[1] = np.sqrt(sigma[1] ** 2 + grey)
 
 
 @compiled

@@ -59,6 +59,14 @@ class ConstantVelocity:
         T_start_last = self._T_start_camera[self._last]
         return [T_start_last @ self._T_last_next, T_start_last]
 
+    @property
+    def twist(self) -> Array:
+        """Of the last step (6,), rotation first, in rad/s and m/s; 0 before there is one."""
+        if self._step_s <= 0:
+            return np.zeros(6)
+        turned = se3.log_so3(self._step[:3, :3])
+        return np.concatenate([turned, self._step[:3, 3]]) / self._step_s
+
     def predicted(self, target: int) -> Array | None:
         """``T_target_camera`` of the next frame; None where the target is of another track."""
         if target not in self._T_start_camera:

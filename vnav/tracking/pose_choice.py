@@ -8,6 +8,7 @@ to the best agree with each other.
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import reduce
+from math import sqrt
 from operator import add
 
 import numpy as np
@@ -20,8 +21,10 @@ from vnav.core.frame import PoseEstimate
 from vnav.core.mapping import FrameFeatures
 from vnav.core.reduced_frame import ReducedFrame
 from vnav.registration.judge import are_same, judge
+from vnav.registration.pixel_evidence import DEPTH_DELAY_SIGMA_S
 
 CLEAR = 0.95  # probability of a pose that needs no second look
+DELAY_S = sqrt(2) * DEPTH_DELAY_SIGMA_S  # between two frames, each late by as much
 MAX_POSES = 8  # that are judged
 MIN_ALTERNATIVE = 0.05  # probability of a pose that is kept beside the best
 Motions = dict[int, PoseEstimate]  # to the current frame, by the row of the frame they are from
@@ -138,15 +141,28 @@ class PoseChoice:
         best, *others = [k for k in order.tolist() if self._poses[k].motions] or [None]
         if best is None:
             return ChosenMotions()
-        estimates = self._weighed(best)
+        alike = self._like(best)
+        estimates = self._weighed(best, alike)
+        others = [k for k in others if k not in alike]
         if not others or self._probabilities[others[0]] < MIN_ALTERNATIVE:
             return ChosenMotions(estimates)
-        other = self._weighed(others[0])
+        other = self._weighed(others[0], others[:1])
         return ChosenMotions(estimates, {row: e for row, e in other.items() if row in estimates})
 
-    def _weighed(self, number: int) -> Motions:
-        """The motions to a pose with their probability, that of the newest target first."""
-        p = float(self._probabilities[number])
+    def _like(self, number: int) -> list[int]:
+        """The numbers of poses that may be this one, for all that delays are unknown."""
+        first, T = self._targets[0], self._poses[number].T_track_current
+        image, motion = first.frame.image, first.motion(T)
+        others = [first.motion(T) for T in self.poses]
+        return [
+            k
+            for k, other in enumerate(others)
+            if k == number or are_same(image, motion, other, self._config, DELAY_S)
+        ]
+
+    def _weighed(self, number: int, alike: Sequence[int]) -> Motions:
+        """The motions to a pose, that of the newest target first; the probability of all alike."""
+        p = float(self._probabilities[list(alike)].sum())
         motions = sorted(self._poses[number].motions.items(), reverse=True)
         return {row: replace(estimate, probability=p) for row, estimate in motions}
 

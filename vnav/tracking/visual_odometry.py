@@ -1,6 +1,7 @@
 """Visual odometry: poses of frames by their features, else by all their pixels: claim 3."""
 
 from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -42,7 +43,7 @@ class VisualOdometry:
     def add(self, features: FrameFeatures, frame: Frame, image: ReducedFrame) -> bool:
         """Track the next frame; True where it becomes a keyframe."""
         self._motion.predict(frame.stamp_s)
-        current = TrackedFrame(features, image, frame.intrinsics)
+        current = TrackedFrame(features, image.moving(self._motion.twist), frame.intrinsics)
         current, choice = self._masked.track(current)
         features, frame = current.features, self._masked.without_moving(frame)
         dense = self._align_where_degenerate(frame, choice.estimates)
@@ -59,7 +60,8 @@ class VisualOdometry:
         self._dense.remember(features.row, frame, degenerate)
         is_keyframe = has_features and not degenerate and self._is_keyframe(choice.estimates)
         if has_features:
-            self._features.remember(current, is_keyframe)
+            moving = replace(current, image=current.image.moving(self._motion.twist))
+            self._features.remember(moving, is_keyframe)
         if is_keyframe:
             self._map.add(features, frame, choice.estimates)
         self._masked.remember(features.row, is_keyframe)
