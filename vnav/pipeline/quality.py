@@ -30,6 +30,7 @@ from vnav.io.store.artifacts import (
 )
 from vnav.io.store.map_folder import MapFolder
 from vnav.loop_closing.loop_candidates import are_apart, view_overlap
+from vnav.optimisation.camera_motion import velocities
 
 MOST_PAIRS = 150  # of keyframes, and of rejected loops, that are looked at
 MIN_OVERLAP = 0.3  # share of the view that both see
@@ -61,10 +62,11 @@ def assess(folder: MapFolder, config: Config) -> Quality:
     """The verdict on a finished map, by its revisits, loops, steps and motions."""
     odometry, poses = load_odometry(folder), load_optimised(folder).T_world_camera
     rows, registration = odometry.keyframe_rows, config.registration
+    twists = velocities(poses, odometry.frames)
 
     @cache
     def seen(row: int) -> ReducedFrame:
-        return reduced(load_keyframe(folder, row, odometry.frames))
+        return reduced(load_keyframe(folder, row, odometry.frames)).moving(twists[row])
 
     revisits, neighbours = _compared(folder, odometry, poses, seen, config)
     apart = disagreeing(revisits, neighbours)
