@@ -1,4 +1,4 @@
-"""Makes docs/results.md of the files in benchmarks/results, one table for each question.
+"""Makes docs/results.md of the files in benchmarks/results: a table of what shares quantities.
 
 python benchmarks/make_results.py [--out docs/results.md]
 """
@@ -6,6 +6,7 @@ python benchmarks/make_results.py [--out docs/results.md]
 import argparse
 import json
 from collections.abc import Sequence
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -55,9 +56,20 @@ def page(folder: Path) -> str:
     for question in QUESTIONS:
         asked = [values for values in files if values["question"] == question]
         parts.append(f"## {question.capitalize()}\n\n{EXPLAINED[question]}")
-        if asked:
-            parts.append(section(asked))
+        parts += [section(group) for group in alike(asked)]
     return "\n".join(parts)
+
+
+def alike(files: Sequence[dict[str, Any]]) -> list[list[dict[str, Any]]]:
+    """The files in groups, in order: those that share a quantity, if only by way of others."""
+    groups: list[tuple[set[str], list[dict[str, Any]]]] = []
+    for values in files:
+        quantities = {m.quantity for m in measurements_of(values)}
+        same = [group for group in groups if group[0] & quantities]
+        members = [*chain.from_iterable(members for _, members in same), values]
+        groups = [group for group in groups if group not in same]
+        groups.append((quantities.union(*(known for known, _ in same)), members))
+    return [members for _, members in groups]
 
 
 def section(files: Sequence[dict[str, Any]]) -> str:

@@ -140,6 +140,23 @@ def test_every_question_has_a_section_and_every_row_its_run(
     assert " b`: commit " in second
 
 
+def test_runs_that_share_no_quantity_stand_in_tables_of_their_own(
+    make_results: ModuleType, recording: ModuleType, tmp_path: Path
+) -> None:
+    M = recording.Measurement
+    shared = [M("a", "vnav", "edges", 1), M("a", "vnav", "frames", 2)]
+    for name, measured in {
+        "first": shared[:1],
+        "other": [M("a", "vnav", "maps", 3)],
+        "last": shared[1:],
+        "link": [M("b", "vnav", "edges", 4), M("b", "vnav", "frames", 5)],
+    }.items():
+        recording.record(name, "how robust", measured, [name], folder=tmp_path)
+    page = make_results.page(tmp_path)
+    heads = [line for line in page.splitlines() if line.startswith("| on ")]
+    assert heads == ["| on | what | edges | frames | run |", "| on | what | maps | run |"]
+
+
 def test_scripts_that_results_name_exist() -> None:
     for path in (ROOT / "benchmarks" / "results").glob("*.json"):
         for word in json.loads(path.read_text("utf-8"))["command"].split():
