@@ -75,3 +75,24 @@ def test_the_right_motion_is_clear_of_a_wrong_one_and_of_none(
 ) -> None:
     log_odds = look.log_odds(right.i, right.j, [right.T_i_j, right.T_i_j @ SHIFT])
     assert (log_odds[0, 1:] > CLEAR).all()
+
+
+@pytest.mark.parametrize(("probability", "stays"), [(0.99, True), (0.5, False)])
+def test_where_keyframes_nearly_tell_the_frames_between_decide(
+    odometry: Odometry,
+    look: SecondLook,
+    right: Contradiction,
+    probability: float,
+    stays: bool,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    edges = tuple(dataclasses.replace(e, probability=probability) for e in odometry.edges)
+    wrong = Edge(right.i, right.j, right.T_i_j @ SHIFT, np.eye(6))
+    monkeypatch.setattr(
+        look, "_odometry", dataclasses.replace(odometry, edges=edges, alternatives=(wrong,))
+    )
+    nearly = np.array([[0.0, 1.0, 50.0], [-1.0, 0.0, 49.0], [-50.0, -49.0, 0.0]])
+    monkeypatch.setattr(look, "log_odds", lambda *_: nearly)
+    found = look.correct(dataclasses.replace(right, T_i_j=wrong.T_i_j), right.T_i_j)
+    assert (found is None) == stays
+    assert stays or found.edge is None

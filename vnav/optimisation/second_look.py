@@ -22,6 +22,7 @@ from vnav.registration.judge import judge
 from vnav.registration.points3d import PointRegistration
 
 CLEAR = 4.6  # log-odds of 99 to 1; what is less clear is a tie
+SURE = 0.99  # the most that odometry's own edges count for: as much as what is just clear
 Views = Callable[[int], Frame]  # the images of a keyframe, by its row
 
 
@@ -48,8 +49,9 @@ class SecondLook:
         """What odometry's motion ``T_i_j`` across a stretch is to be replaced by; None: it stays.
 
         An edge near the motion that closures imply, where the pixels bear it out and odometry not;
-        nothing where these cannot tell the two. However many closures there are, pixels that bear
-        odometry out keep it: closures that are wrong together have one common cause.
+        nothing where these cannot tell the two. What the pixels of the frames between said of
+        odometry's edges counts, too. However many closures there are, pixels that bear odometry out
+        keep it: closures that are wrong together have one common cause.
         """
         edge = self._other_motion(stretch)
         if edge is None or not are_wrong(se3.inverse(T_i_j) @ edge.T_i_j):
@@ -57,9 +59,19 @@ class SecondLook:
         log_odds = self.log_odds(stretch.i, stretch.j, [T_i_j, edge.T_i_j])
         if not _is_near(edge, stretch) or log_odds[1, -1] < CLEAR:
             return Correction(stretch, None) if log_odds[0, -1] < -CLEAR else None
-        if log_odds[0, 1] > CLEAR:
+        in_favour = log_odds[0, 1] + self._log_odds_before(stretch)
+        if in_favour > CLEAR:
             return None
-        return Correction(stretch, edge if log_odds[1, 0] > CLEAR else None)
+        return Correction(stretch, edge if in_favour < -CLEAR else None)
+
+    def _log_odds_before(self, stretch: Contradiction) -> float:
+        """Of odometry's motion across a stretch, by the least probable of its frames' edges."""
+        into: dict[int, float] = {}
+        for e in self._odometry.edges:
+            if stretch.i <= e.i and e.j <= stretch.j:
+                into[e.j] = max(into.get(e.j, 0.0), e.probability)
+        p = np.clip(min(into.values(), default=0.5), 1 - SURE, SURE)
+        return float(np.log(p / (1 - p)))
 
     def log_odds(self, i: int, j: int, motions: Sequence[Array]) -> Array:
         """Of each motion (C,) from keyframe i to j against each (C + 1, C + 1), none the last."""
