@@ -17,7 +17,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
-from recording import Measurement, add_record_option, missed, record, table
+from recording import Measurement, add_record_option, conclude
 
 from vnav.config import Config
 from vnav.core.frame import Edge
@@ -115,10 +115,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     asked = parser.parse_args(arguments)
     runs = [(count, seed) for count in asked.edges for seed in range(asked.seeds)]
     found = [m for count, seed in runs for m in measure(asked, count, seed)]
-    print(table(found))
-    if asked.record:
-        record(f"broken_odometry_{asked.capture.name}", "how robust", found, arguments)
-    return int(bool(missed(found)))
+    return conclude(f"broken_odometry_{asked.capture.name}", found, asked, arguments)
 
 
 if __name__ == "__main__":

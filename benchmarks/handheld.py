@@ -20,7 +20,7 @@ from typing import Any
 from accuracy import built, frames_of, poses_in, vnav
 from people import peer, rendered
 from photo_cases import command
-from recording import Measurement, add_record_option, missed, record, table
+from recording import Measurement, add_record_option, conclude
 
 from vnav.io.store.map_folder import MapFolder
 from vnav.synthetic import DEMO, HANDHELD, CaptureSpec
@@ -125,10 +125,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     found = [m for seed in range(asked.seeds) for m in handheld(asked.out, seed, asked.peer)]
     apartment = rendered(asked.out / "captures" / "apartment", DEMO)
     found += [m for capture in (apartment, *asked.still) for m in still(asked.out, capture)]
-    print(table(found))
-    if asked.record:
-        record("handheld", "how robust", found, arguments)
-    return int(bool(missed(found)))
+    return conclude("handheld", found, asked, arguments)
 
 
 if __name__ == "__main__":

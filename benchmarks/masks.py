@@ -20,7 +20,7 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
-from recording import Measurement, add_record_option, missed, record, table
+from recording import Measurement, add_record_option, conclude
 
 from vnav.config import Config, load
 from vnav.core.arrays import Array
@@ -128,10 +128,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     asked = parser.parse_args(arguments)
     config = load(settings=asked.set)
     found = [m for path in asked.captures for m in measure(path, asked.trajectory, config)]
-    print(table(found))
-    if asked.record:
-        record("masks", "how robust", found, arguments)
-    return int(bool(missed(found)))
+    return conclude("masks", found, asked, arguments)
 
 
 if __name__ == "__main__":

@@ -19,7 +19,7 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
-from recording import ROOT, Measurement, add_record_option, missed, record, table
+from recording import ROOT, Measurement, add_record_option, conclude
 from scipy.spatial import cKDTree
 
 from vnav.config import CaptureConfig, Config
@@ -107,10 +107,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     add_record_option(parser)
     asked = parser.parse_args(arguments)
     found = [m for seed in range(asked.seeds) for m in measure(asked.out / str(seed), seed)]
-    print(table(found))
-    if asked.record:
-        record("moved_furniture", "how robust", found, arguments)
-    return int(bool(missed(found)))
+    return conclude("moved_furniture", found, asked, arguments)
 
 
 def measure(out: Path, seed: int) -> list[Measurement]:

@@ -18,7 +18,7 @@ from pathlib import Path
 import numpy as np
 from accuracy import built, frames_of, poses_in, vnav
 from numpy.typing import NDArray
-from recording import Measurement, add_record_option, missed, record, table
+from recording import Measurement, add_record_option, conclude
 
 from vnav.core import se3
 from vnav.core.point_cloud import Mesh
@@ -175,10 +175,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         (asked.out / name).mkdir(parents=True, exist_ok=True)
     pairs = [(scene, seed) for scene in asked.scenes for seed in range(asked.seeds)]
     found = [m for scene, seed in pairs for m in walks(asked, scene, seed)]
-    print(table(found))
-    if asked.record:
-        record("people", "how robust", found, arguments)
-    return int(bool(missed(found)))
+    return conclude("people", found, asked, arguments)
 
 
 if __name__ == "__main__":

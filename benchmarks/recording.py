@@ -2,7 +2,8 @@
 
 A benchmark makes a list of `Measurement`, prints `table` of it, tells by `missed` whether all that
 is wanted is there, and where ``--record`` is given writes it with `record`, to
-benchmarks/results/NAME.json. docs/results.md is made of these files by make_results.py.
+benchmarks/results/NAME.json; `conclude` does all three. docs/results.md is made of these files by
+make_results.py.
 """
 
 import argparse
@@ -96,6 +97,22 @@ def record(
     path = folder / f"{name}.json"
     path.write_text(as_text(values), "utf-8")
     return path
+
+
+def conclude(
+    name: str,
+    found: Sequence[Measurement],
+    asked: argparse.Namespace,
+    arguments: Sequence[str] | None = None,
+) -> int:
+    """Print how robust a thing is, record it where that is asked for; 1 where something is missed.
+
+    ``asked``: the parsed ``arguments``.
+    """
+    print(table(found))
+    if asked.record:
+        record(name, "how robust", found, arguments)
+    return int(bool(missed(found)))
 
 
 def as_text(values: Mapping[str, Any]) -> str:

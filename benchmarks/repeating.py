@@ -19,7 +19,7 @@ from accuracy import NOT_LOCATED, built, errors, vnav
 from hard_versions import Source, clean, every_third
 from numpy.typing import NDArray
 from people import of_trajectory, peer, rendered
-from recording import Measurement, add_record_option, missed, record, table
+from recording import Measurement, add_record_option, conclude, table
 
 from vnav.core import se3
 from vnav.core.frame import Edge
@@ -167,9 +167,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
             for rate in asked.rates:
                 found += walks(asked, scene, seed, rate)
                 print(f"{table(found)}\n", flush=True)
-    if asked.record:
-        record("repeating", "how robust", found, arguments)
-    return int(bool(missed(found)))
+    return conclude("repeating", found, asked, arguments)
 
 
 if __name__ == "__main__":

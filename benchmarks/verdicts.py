@@ -22,7 +22,7 @@ from shutil import copytree, ignore_patterns
 import numpy as np
 from broken_odometry import LATER, MAX_DIFFERENCE_S, SHIFT_M, broken, remade
 from people import WALKERS, rendered
-from recording import Measurement, add_record_option, missed, record, table
+from recording import Measurement, add_record_option, conclude
 
 import vnav
 from vnav.config import Config, MaskingConfig
@@ -184,10 +184,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     for name in ("captures", "maps"):
         (asked.out / name).mkdir(parents=True, exist_ok=True)
     found = list(measure(asked))
-    print(table(found))
-    if asked.record:
-        record(f"verdicts_{seeds_of(asked).replace(' ', '_')}", "how robust", found, arguments)
-    return int(bool(missed(found)))
+    return conclude(f"verdicts_{seeds_of(asked).replace(' ', '_')}", found, asked, arguments)
 
 
 if __name__ == "__main__":

@@ -5,6 +5,7 @@ import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from types import ModuleType
+from typing import Any
 
 import pytest
 
@@ -25,3 +26,10 @@ def script() -> Iterator[Callable[[str], ModuleType]]:
     with pytest.MonkeyPatch.context() as patch:
         patch.syspath_prepend(FOLDER)
         yield load
+
+
+@pytest.fixture(scope="session")
+def missed(script: Callable[[str], ModuleType]) -> Callable[..., Any]:
+    """Of measurements those that are not what is wanted."""
+    found: Callable[..., Any] = script("recording").missed
+    return found

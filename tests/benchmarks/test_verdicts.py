@@ -1,5 +1,6 @@
 from collections.abc import Callable
 from types import ModuleType
+from typing import Any
 
 import numpy as np
 import pytest
@@ -32,13 +33,14 @@ def test_frames_from_one_on_are_shifted_and_all_edges_agree_on_it(
         np.testing.assert_allclose(after.T_i_j, moved[1] @ error, atol=1e-9)
 
 
-def test_maps_are_counted_by_their_errors_and_verdicts(verdicts: ModuleType) -> None:
+def test_maps_are_counted_by_their_errors_and_verdicts(
+    verdicts: ModuleType, missed: Callable[..., Any]
+) -> None:
     off = [0.0005, 0.0005, 0.002, 0.002, 0.006, 0.006]
     doubtful = [False, True, False, True, False, True]
     found = verdicts.counted("maps", "all", np.array([off, doubtful]).T, most_alarms=0)
     assert [m.value for m in found] == [6, 2, 1, 2, 1]
-    missed = [m.quantity for m in verdicts.missed(found)]
-    assert missed == ["wrong, called good", "right, called doubtful"]
+    assert [m.quantity for m in missed(found)] == ["wrong, called good", "right, called doubtful"]
 
 
 def test_a_scene_that_took_no_part_in_fitting_is_asked_by_default(verdicts: ModuleType) -> None:

@@ -18,7 +18,8 @@ from vnav.io.store.artifacts import load_keyframe
 from vnav.io.store.map_folder import MapFolder
 from vnav.optimisation.contradictions import Contradiction
 from vnav.optimisation.cycles import are_wrong
-from vnav.optimisation.second_look import CLEAR, SecondLook
+from vnav.optimisation.second_look import SecondLook
+from vnav.registration.judge import CLEAR
 
 FORTY = 40  # closures: many, for they are not to count here
 SHIFT = se3.make(np.eye(3), [0.1, -0.17, 0.03])

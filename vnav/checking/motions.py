@@ -15,9 +15,8 @@ from vnav.core.arrays import Array
 from vnav.core.frame import Edge
 from vnav.core.mapping import LOST
 from vnav.core.reduced_frame import ReducedFrame
-from vnav.registration.judge import judge
+from vnav.registration.judge import CLEAR, judge
 
-CLEAR = 4.6  # log-odds of 99 to 1
 Seen = Callable[[int], ReducedFrame]  # a keyframe's pixels by its row
 
 

@@ -1,6 +1,6 @@
 """Walks over a graph of frames and the edges between them: poses, components, shortest paths."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,6 +9,19 @@ from vnav.core import se3
 from vnav.core.arrays import Array
 from vnav.core.frame import Edge
 from vnav.core.mapping import LOST
+
+
+def ends_of(edges: Sequence[Edge]) -> NDArray[np.intp]:
+    """The frames (E, 2) that edges join; E = 0 is legal."""
+    return np.array([(e.i, e.j) for e in edges], np.intp).reshape(-1, 2)
+
+
+def best_into(edges: Iterable[Edge]) -> dict[int, float]:
+    """By frame that edges lead to: the probability of the most likely of them."""
+    best: dict[int, float] = {}
+    for e in edges:
+        best[e.j] = max(best.get(e.j, 0.0), e.probability)
+    return best
 
 
 def chain(

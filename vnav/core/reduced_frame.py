@@ -44,15 +44,16 @@ class ReducedFrame:
 def reduced(frame: Frame, block_px: int = BLOCK_PX) -> ReducedFrame:
     """A frame in blocks of ``block_px`` pixels; what is left over at the right and below is cut."""
     grey = sum(
-        np.float32(weight) * _blocks(frame.color[..., k], block_px).mean(0)
+        np.float32(weight) * pixels_of_blocks(frame.color[..., k], block_px).mean(0)
         for k, weight in enumerate(GREY_WEIGHTS)
     )
-    inverse_depth = _inverse_depth(_blocks(frame.depth_m, block_px))
-    camera = _reduced_camera(frame.intrinsics, block_px)
+    inverse_depth = _inverse_depth(pixels_of_blocks(frame.depth_m, block_px))
+    camera = reduced_camera(frame.intrinsics, block_px)
     return ReducedFrame(frame.stamp_s, np.asarray(grey), inverse_depth, camera)
 
 
-def _reduced_camera(camera: Intrinsics, block_px: int) -> Intrinsics:
+def reduced_camera(camera: Intrinsics, block_px: int) -> Intrinsics:
+    """The pinhole camera of an image in blocks; its distortion is left out."""
     width, height = camera.width // block_px, camera.height // block_px
     cx, cy = ((c + 0.5) / block_px - 0.5 for c in (camera.cx, camera.cy))
     return Intrinsics(width, height, camera.fx / block_px, camera.fy / block_px, cx, cy)
@@ -69,8 +70,8 @@ def _inverse_depth(depth_m: NDArray[np.float32]) -> NDArray[np.float32]:
     return np.where(filled & on_one_surface, mean, np.float32(0))
 
 
-def _blocks(image: NDArray[Any], block_px: int) -> NDArray[np.float32]:
-    """The pixels (P, H, W) of every block: the first of each, the second, and so on."""
+def pixels_of_blocks(image: NDArray[Any], block_px: int) -> NDArray[np.float32]:
+    """The pixels (P, h, w) of every block of an image (H, W): the first of each, and so on."""
     height, width = (n // block_px * block_px for n in image.shape)
     parts = [image[v:height:block_px, u:width:block_px] for v, u in np.ndindex(block_px, block_px)]
     return np.stack(parts).astype(np.float32)

@@ -85,6 +85,12 @@ def exp(xi: ArrayLike) -> Array:
     return make(np.eye(3) + a * W + b * W2, (V @ v[..., None])[..., 0])
 
 
+def deviation(T: ArrayLike) -> Array:
+    """How far (..., 6) transforms are from none: the rotation vector, then the translation."""
+    T = np.asarray(T, float)
+    return np.concatenate([log_so3(T[..., :3, :3]), T[..., :3, 3]], -1)
+
+
 def quat_xyzw(R: ArrayLike) -> Array:
     """Unit quaternion (..., 4) x, y, z, w of a rotation (..., 3, 3) or transform (Shepperd)."""
     R = np.asarray(R, float)[..., :3, :3]

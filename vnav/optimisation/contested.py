@@ -10,6 +10,7 @@ from scipy.sparse.csgraph import connected_components
 
 from vnav.core.arrays import Array
 from vnav.core.frame import Edge
+from vnav.core.graph import ends_of
 from vnav.optimisation import pose_graph
 
 
@@ -22,7 +23,7 @@ def agreement(
     nothing: it stands against what was rejected between them, and all of these are contested.
     ``initial`` (N, 4, 4): poses to start from.
     """
-    ends, first = _ends([*trusted, *doubtful]), len(trusted)
+    ends, first = ends_of([*trusted, *doubtful]), len(trusted)
     kept = _kept_nearby(initial, trusted, doubtful, max_sigmas)
     used = np.append(np.ones(first, bool), kept)
     to_test = (first + np.flatnonzero(kept)).tolist()
@@ -42,12 +43,12 @@ def _kept_nearby(
     none is more than ``max_sigmas`` off; one in each cluster of doubtful edges at a time.
     """
     near = np.zeros(len(initial), bool)
-    near[_ends(doubtful)] = True
-    ends = _ends(trusted)
+    near[ends_of(doubtful)] = True
+    ends = ends_of(trusted)
     near[ends[near[ends].any(1)]] = True
     poses = np.where(near[:, None, None], initial, np.nan)
     around = [e for e in trusted if near[e.i] and near[e.j]]
-    kept, ends = np.ones(len(doubtful), bool), _ends(doubtful)
+    kept, ends = np.ones(len(doubtful), bool), ends_of(doubtful)
     while True:
         fitted = pose_graph.fit(poses, [*around, *compress(doubtful, kept)])
         sigmas = pose_graph.check_closures(fitted, doubtful, max_sigmas).closure_sigmas
@@ -64,10 +65,6 @@ def _worst(sigmas: Array, max_sigmas: float, cluster: NDArray[np.int32]) -> NDAr
     _, first = np.unique(cluster[order], return_index=True)
     worst = order[first]
     return np.asarray(worst[sigmas[worst] > max_sigmas])
-
-
-def _ends(edges: Sequence[Edge]) -> NDArray[np.intp]:
-    return np.array([(e.i, e.j) for e in edges], np.intp).reshape(-1, 2)
 
 
 def _is_bridge(n: int, ends: NDArray[np.intp], used: NDArray[np.bool_], count: int) -> bool:

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from vnav.core import se3
 from vnav.core.arrays import Array
 from vnav.core.frame import Edge
+from vnav.core.graph import ends_of
 from vnav.core.mapping import Odometry
 from vnav.optimisation.segments import same_pose
 
@@ -36,7 +37,7 @@ def contradictions(
     that span few keyframes, or of all.
     """
     rows, segment = odometry.keyframe_rows, odometry.segment
-    ends = np.array([(e.i, e.j) for e in closures], np.intp).reshape(-1, 2)
+    ends = ends_of(closures)
     is_near = np.diff(np.searchsorted(rows, ends), axis=1)[:, 0] <= NEAR
     joined = (segment[ends] == segment[ends[:, :1]]).all(1)
     found = []
@@ -54,7 +55,7 @@ def contradictions(
 
 def _largest_set(closures: Sequence[Edge], i: int, j: int, T_world_camera: Array) -> Contradiction:
     """The closures that agree most on the motion from frame i to j."""
-    a, b = np.array([(e.i, e.j) for e in closures]).T
+    a, b = ends_of(closures).T
     T_i_a = se3.inverse(T_world_camera[i]) @ T_world_camera[a]
     T_b_j = se3.inverse(T_world_camera[b]) @ T_world_camera[j]
     T_i_j = T_i_a @ np.stack([e.T_i_j for e in closures]) @ T_b_j

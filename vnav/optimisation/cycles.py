@@ -76,6 +76,6 @@ def _closing_errors(edges: Sequence[Edge], cycles: NDArray[np.intp]) -> tuple[Ar
     turned = se3.adjoint(se3.inverse(T[second]))
     spread = turned @ covariance[first] @ np.swapaxes(turned, -1, -2)
     spread = spread + covariance[second] + covariance[direct]
-    off = np.concatenate([se3.log_so3(motion[:, :3, :3]), motion[:, :3, 3]], -1)
+    off = se3.deviation(motion)
     squared = np.einsum("ci,ci->c", off, np.linalg.solve(spread, off[..., None])[..., 0])
     return motion, np.sqrt(squared / 6)

@@ -11,7 +11,8 @@ from vnav.core.frame import Edge
 from vnav.core.mapping import LOST, Odometry
 from vnav.optimisation.contradictions import NEAR
 from vnav.optimisation.pose_graph import MAX_COST
-from vnav.optimisation.second_look import CLEAR, SecondLook
+from vnav.optimisation.second_look import SecondLook
+from vnav.registration.judge import CLEAR
 
 
 @dataclass(frozen=True)
@@ -74,7 +75,7 @@ def _cost(edge: Edge, odometry: Odometry, crossing: Sequence[Edge]) -> float:
     cost = 0.0
     for e in crossing:
         off = se3.inverse(e.T_i_j) @ _motion(edge, e.i, e.j, odometry)
-        xi = np.concatenate([se3.log_so3(off[:3, :3]), off[:3, 3]])
+        xi = se3.deviation(off)
         cost += min(float(xi @ e.information @ xi) / 2, MAX_COST)
     return cost
 

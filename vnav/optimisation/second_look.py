@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 
@@ -10,6 +11,7 @@ from vnav.core import se3
 from vnav.core.arrays import Array
 from vnav.core.camera import Intrinsics
 from vnav.core.frame import Edge, Frame, PoseEstimate, Rejected
+from vnav.core.graph import best_into
 from vnav.core.mapping import Odometry
 from vnav.core.reduced_frame import ReducedFrame, reduced
 from vnav.features.matching import DescriptorMatcher
@@ -18,10 +20,9 @@ from vnav.optimisation.contradictions import Contradiction
 from vnav.optimisation.cycles import are_wrong
 from vnav.optimisation.segments import same_pose
 from vnav.registration.dense import align
-from vnav.registration.judge import judge
+from vnav.registration.judge import CLEAR, judge
 from vnav.registration.points3d import PointRegistration
 
-CLEAR = 4.6  # log-odds of 99 to 1; what is less clear is a tie
 SURE = 0.99  # the most that odometry's own edges count for: as much as what is just clear
 Views = Callable[[int], Frame]  # the images of a keyframe, by its row
 
@@ -44,6 +45,7 @@ class SecondLook:
         self._odometry, self._cameras, self._views = odometry, cameras, views
         self._keyframes = {k.row: k for k in odometry.keyframes}
         self._matcher, self._config = DescriptorMatcher(config.registration), config
+        self._moving = cache(self._reduced_at)
 
     def correct(self, stretch: Contradiction, T_i_j: Array) -> Correction | None:
         """What odometry's motion ``T_i_j`` across a stretch is to be replaced by; None: it stays.
@@ -66,10 +68,8 @@ class SecondLook:
 
     def _log_odds_before(self, stretch: Contradiction) -> float:
         """Of odometry's motion across a stretch, by the least probable of its frames' edges."""
-        into: dict[int, float] = {}
-        for e in self._odometry.edges:
-            if stretch.i <= e.i and e.j <= stretch.j:
-                into[e.j] = max(into.get(e.j, 0.0), e.probability)
+        edges = self._odometry.edges
+        into = best_into(e for e in edges if stretch.i <= e.i and e.j <= stretch.j)
         p = np.clip(min(into.values(), default=0.5), 1 - SURE, SURE)
         return float(np.log(p / (1 - p)))
 
@@ -78,7 +78,7 @@ class SecondLook:
         a, b = (self._moving(row) for row in (i, j))
         return judge(a, b, motions, self._config.registration).log_odds
 
-    def _moving(self, row: int) -> ReducedFrame:
+    def _reduced_at(self, row: int) -> ReducedFrame:
         """A keyframe's pixels, and how fast it moved."""
         odometry = self._odometry
         inside = odometry.segment == odometry.segment[row]

@@ -10,7 +10,7 @@ from itertools import compress
 from typing import Any, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from vnav.checking.motions import Seen, contradicting_loops, unborne_steps
 from vnav.checking.revisits import Agreement, agreement, disagreeing
@@ -18,6 +18,7 @@ from vnav.config import Config
 from vnav.core import se3
 from vnav.core.arrays import Array
 from vnav.core.frame import Edge
+from vnav.core.graph import best_into, ends_of
 from vnav.core.mapping import CONTRADICTS, LOST, Odometry
 from vnav.core.reduced_frame import ReducedFrame, reduced
 from vnav.io.store.artifacts import (
@@ -99,12 +100,8 @@ def assess(folder: MapFolder, config: Config) -> Quality:
 
 def unsure_rows(odometry: Odometry) -> NDArray[np.intp]:
     """Frames none of whose motions from earlier ones is likely to be right."""
-    best = np.zeros(len(odometry.frames))
-    into = np.zeros(len(best), bool)
-    for edge in odometry.edges:
-        best[edge.j] = max(best[edge.j], edge.probability)
-        into[edge.j] = True
-    return np.flatnonzero(into & (best < UNSURE))
+    best = best_into(odometry.edges)
+    return np.array(sorted(row for row, p in best.items() if p < UNSURE), np.intp)
 
 
 def _loops(folder: MapFolder) -> tuple[int, list[Edge]]:
@@ -155,7 +152,7 @@ def _disagreement(apart: Sequence[Agreement], of: Sequence[Agreement], odometry:
 def _contradiction(against: Sequence[Edge], odometry: Odometry) -> str:
     return (
         f"{len(against)} loops contradict the map and fit the images better, within"
-        f" {_within([(e.i, e.j) for e in against], odometry)}; places that look the same may have"
+        f" {_within(ends_of(against), odometry)}; places that look the same may have"
         " been taken for one, or the track is wrong: record with more that is unique in view"
     )
 
@@ -177,5 +174,5 @@ def _uncertainty(unsure: NDArray[np.intp], odometry: Odometry) -> str:
     )
 
 
-def _within(pairs: Sequence[tuple[int, int]], odometry: Odometry) -> str:
+def _within(pairs: ArrayLike, odometry: Odometry) -> str:
     return odometry.frames.rows_text(np.unique(pairs))

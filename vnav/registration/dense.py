@@ -105,5 +105,4 @@ def _image_information(terms: Sequence[ResidualTerm], T_a_b: Array) -> tuple[Arr
 
 def _deviation(T_a_b: Array, predicted: Array) -> Array:
     """How far (6,) a motion is off the prediction, in the prediction's standard deviations."""
-    T = se3.inverse(predicted) @ T_a_b
-    return np.asarray(np.concatenate([se3.log_so3(T[:3, :3]), T[:3, 3]]) / MOTION_SIGMAS)
+    return np.asarray(se3.deviation(se3.inverse(predicted) @ T_a_b) / MOTION_SIGMAS)

@@ -37,6 +37,7 @@ GREY_SIGMA = 3.0  # of a block's brightness: by noise, and by reflections, which
 SAME = 0.25  # of what an inlier may be off: where two motions are one
 BLUR_PX = 1.0  # of the brightness, which is interpolated
 TINY = 1e-12
+CLEAR = 4.6  # log-odds of 99 to 1; what is less clear is a tie
 MAX_Z = 20.0  # sums of votes in standard deviations; more does not fit a number
 
 

@@ -137,14 +137,14 @@ def _report(
         "area_m2": area_m2,
     }
     shares = ", ".join(f"{value:.0%} {name}" for name, value in share.items())
-    departed = f"{values['departed_voxels']} voxels were let go: later depth sees through them"
     lines = [
         f"{keyframes} keyframes fused: cloud of {len(fused.cloud)} points, octree of"
         f" {len(leaves)} cubes, mesh of {len(fused.mesh.triangles)} triangles",
         f"grid {values['grid_m'][0]:.1f} x {values['grid_m'][1]:.1f} m: {shares};"
         f" {area_m2['free']:.1f} m2 free, {area_m2['occupied']:.1f} m2 occupied",
-        *[departed] * (values["departed_voxels"] > 0),
     ]
+    if departed := len(fused.departed_world):
+        lines.append(f"{departed} voxels were let go: later depth sees through them")
     return Report(STAGE, values, tuple(lines), tuple(_warnings(grid, world)))
 
 

@@ -56,13 +56,13 @@ def run(folder: MapFolder, config: Config, *, progress: Progress = silent) -> Re
 
 
 def _lines(values: dict[str, int]) -> tuple[str, ...]:
-    retired = f"; {values['retired']} are retired: what they were on has departed"
-    return (
+    line = (
         f"{values['landmarks']} landmarks under {values['descriptors']} descriptors;"
         f" {values['keyframes_found']} of {values['keyframes_asked']} keyframes are found again"
-        + retired
-        * (values["retired"] > 0),
     )
+    if values["retired"]:
+        line += f"; {values['retired']} are retired: what they were on has departed"
+    return (line,)
 
 
 def _found_again(

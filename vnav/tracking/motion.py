@@ -64,8 +64,7 @@ class ConstantVelocity:
         """Of the last step (6,), rotation first, in rad/s and m/s; 0 before there is one."""
         if self._step_s <= 0:
             return np.zeros(6)
-        turned = se3.log_so3(self._step[:3, :3])
-        return np.concatenate([turned, self._step[:3, 3]]) / self._step_s
+        return np.asarray(se3.deviation(self._step) / self._step_s)
 
     def predicted(self, target: int) -> Array | None:
         """``T_target_camera`` of the next frame; None where the target is of another track."""

@@ -151,14 +151,14 @@ class PoseChoice:
 
     def _like(self, number: int) -> list[int]:
         """The numbers of poses that may be this one, for all that delays are unknown."""
-        first, T = self._targets[0], self._poses[number].T_track_current
-        image, motion = first.frame.image, first.motion(T)
-        others = [first.motion(T) for T in self.poses]
-        return [
-            k
-            for k, other in enumerate(others)
-            if k == number or are_same(image, motion, other, self._config, DELAY_S)
-        ]
+        T = self.poses[number]
+        others = enumerate(self.poses)
+        return [k for k, U in others if k == number or self._are_one(T, U, DELAY_S)]
+
+    def _are_one(self, T: Array, U: Array, delay_s: float = 0.0) -> bool:
+        """Whether pixels cannot tell two poses apart, by the first target's view."""
+        first = self._targets[0]
+        return are_same(first.frame.image, first.motion(T), first.motion(U), self._config, delay_s)
 
     def _weighed(self, number: int, alike: Sequence[int]) -> Motions:
         """The motions to a pose, that of the newest target first; the probability of all alike."""
@@ -168,12 +168,8 @@ class PoseChoice:
 
     def _known(self, T_track_current: Array) -> _Pose:
         """The pose that stands for this one, which may be new; beyond the limit it is nowhere."""
-        first = self._targets[0]
-        motion = first.motion(T_track_current)
         for pose in self._poses:
-            if are_same(
-                first.frame.image, first.motion(pose.T_track_current), motion, self._config
-            ):
+            if self._are_one(pose.T_track_current, T_track_current):
                 return pose
         pose = _Pose(T_track_current)
         if len(self._poses) < MAX_POSES:

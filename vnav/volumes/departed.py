@@ -15,6 +15,7 @@ from vnav.compiled import compiled
 from vnav.core import se3
 from vnav.core.arrays import Array
 from vnav.core.camera import Intrinsics
+from vnav.core.reduced_frame import pixels_of_blocks, reduced_camera
 
 COLUMNS = 160  # of blocks in an image; a place is held against blocks of pixels
 NARROW = 1  # blocks around a place that must lie beyond it, where it is beside what surely departed
@@ -43,15 +44,12 @@ def seen_depth(
 ) -> SeenDepth:
     """A depth image (H, W) in metres, 0 where it has none, in blocks."""
     edge = max(1, intrinsics.width // COLUMNS)
-    height, width = (n // edge * edge for n in depth_m.shape)
-    parts = [depth_m[v:height:edge, u:width:edge] for v, u in np.ndindex(edge, edge)]
-    pixels = np.stack(parts)
+    pixels, camera = pixels_of_blocks(depth_m, edge), reduced_camera(intrinsics, edge)
     filled = (pixels > 0).mean(0) >= FILLED
     least = np.where(filled, np.where(pixels > 0, pixels, np.float32(np.inf)).min(0), np.float32(0))
     most = np.where(filled, pixels.max(0), np.float32(0))
-    cx, cy = ((c + 0.5) / edge - 0.5 for c in (intrinsics.cx, intrinsics.cy))
-    camera = intrinsics.fx / edge, intrinsics.fy / edge, cx, cy
-    return SeenDepth(least, most, camera, se3.inverse(T_world_camera))
+    focal_and_centre = camera.fx, camera.fy, camera.cx, camera.cy
+    return SeenDepth(least, most, focal_and_centre, se3.inverse(T_world_camera))
 
 
 class DepthHistory:
