@@ -1,13 +1,17 @@
 """Loop candidates of the tiny map, verified one by one."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 
 from vnav.config import Config
+from vnav.core import se3
 from vnav.core.camera import Intrinsics
 from vnav.core.mapping import Odometry
 from vnav.loop_closing.loop_candidates import LoopCandidate
-from vnav.loop_closing.loop_verification import Closures, LoopVerifier
+from vnav.loop_closing.loop_verification import AMBIGUOUS, Closures, LoopVerifier
+from vnav.registration.points3d import PointRegistration
 
 CONFIG = Config()
 
@@ -54,3 +58,39 @@ def test_an_edge_is_less_certain_than_the_noise_that_is_added(found: Closures) -
 
 def test_without_candidates_there_is_no_match() -> None:
     assert Closures().matches.shape == (0, 4)
+
+
+SHIFT = se3.make(np.eye(3), [0.2, 0, 0])  # far beyond noise, and within the view
+
+
+@pytest.mark.parametrize(
+    ("in_favour", "taken"), [(10.0, "found"), (-10.0, "near"), (1.0, "neither"), (None, "found")]
+)
+def test_pixels_choose_between_the_motion_found_and_the_one_near_the_poses(
+    odometry: Odometry,
+    camera: Intrinsics,
+    monkeypatch: pytest.MonkeyPatch,
+    in_favour: float | None,
+    taken: str,
+) -> None:
+    i, j = odometry.keyframe_rows[:2].tolist()
+    T_i_j = se3.inverse(odometry.T_segment_camera[i]) @ odometry.T_segment_camera[j]
+    right = PointRegistration.register
+    monkeypatch.setattr(
+        PointRegistration,
+        "register",
+        lambda self, a, b, rng, predicted: dataclasses.replace(
+            right(self, a, b, rng, predicted), T_a_b=T_i_j @ SHIFT
+        ),
+    )
+    odds = None if in_favour is None else np.array([[0.0, in_favour], [-in_favour, 0.0]])
+    verifier = LoopVerifier(
+        odometry, [camera], CONFIG, log_odds=None if odds is None else lambda *_: odds
+    )
+    closures = Closures()
+    candidate = LoopCandidate(0, 1, "proximity", 0.5)
+    verifier.verify([candidate], closures, odometry.T_segment_camera)
+    motions = {"found": T_i_j @ SHIFT, "near": T_i_j}
+    assert [v.reason for v in closures.verdicts] == [AMBIGUOUS if taken == "neither" else ""]
+    off = [se3.inverse(motions[taken]) @ edge.T_i_j for edge in closures.edges]
+    assert all(np.linalg.norm(T[:3, 3]) < 0.02 for T in off)

@@ -10,7 +10,8 @@ from vnav.config import RegistrationConfig
 from vnav.core import se3
 from vnav.core.frame import Frame
 from vnav.core.reduced_frame import reduced
-from vnav.registration.judge import PixelEvidence, are_same, judge
+from vnav.registration.judge import WRONG, PixelEvidence, are_same, judge
+from vnav.registration.pixel_evidence import log_likelihoods
 
 CONFIG = RegistrationConfig()
 PERIOD_M = 0.2
@@ -125,6 +126,26 @@ def test_a_wrong_motion_stays_improbable_while_the_camera_moves() -> None:
     a, b = view(ROOM, 0, seed=0), view(ROOM, STEP_M, seed=1)
     wrong = shift(STEP_M + 0.3, 0.2) @ se3.exp([0, 0, 0, 0, 0, 0.3])
     assert probability(a, b, wrong, [0, 0, 0, 1.0, 0, 1.0]) < 0.05
+
+
+@pytest.mark.parametrize("off_sigmas", [0.0, 1.0, 4.0])
+def test_what_delays_may_do_explains_a_residual_and_makes_none_less_likely(
+    off_sigmas: float,
+) -> None:
+    # Depth alone. Were every pixel to pay for what a delay may do, motions
+    # that show less of it would win, however small the residuals.
+    noise, late, chance = 0.01, 0.04, np.array([0.3, 50.0])
+    at_rest, moving = (
+        log_likelihoods(
+            np.array([[off_sigmas * noise, np.nan, noise, 1.0, by_delays, 0.0]]),
+            np.zeros(1),
+            chance,
+            WRONG,
+        )
+        for by_delays in (0.0, late)
+    )
+    assert moving >= at_rest
+    assert moving - at_rest > 3 or off_sigmas < 2
 
 
 def test_motions_are_the_same_that_are_apart_by_what_the_camera_moves_meanwhile() -> None:

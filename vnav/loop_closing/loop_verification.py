@@ -2,7 +2,7 @@
 
 import dataclasses
 import os
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 
@@ -14,13 +14,16 @@ from vnav.core import se3
 from vnav.core.arrays import Array
 from vnav.core.camera import Intrinsics
 from vnav.core.frame import Edge, PoseEstimate, Rejected
-from vnav.core.mapping import LoopVerdict, Odometry
+from vnav.core.mapping import FrameFeatures, LoopVerdict, Odometry
 from vnav.core.progress import Progress, silent
 from vnav.features.matching import DescriptorMatcher
 from vnav.loop_closing.loop_candidates import LoopCandidate
+from vnav.registration.judge import CLEAR
 from vnav.registration.points3d import PointRegistration
 
 NEIGHBOURS = 3  # keyframes apart: what odometry demands of a match will do, for it joined them
+AMBIGUOUS = "two motions fit alike"
+LogOdds = Callable[[int, int, Sequence[Array]], Array]  # rows i and j, motions: (C + 1, C + 1)
 
 
 @dataclass
@@ -73,7 +76,13 @@ class LoopVerifier:
         cameras: Sequence[Intrinsics],
         config: Config,
         progress: Progress = silent,
+        log_odds: LogOdds | None = None,
     ) -> None:
+        """``cameras``: one a capture; ``log_odds``: of motions between keyframes, by their pixels.
+
+        Without these the motion that most matches agree on is taken.
+        """
+        self._log_odds = log_odds
         self._odometry, self._cameras, self._seed = odometry, cameras, config.seed
         self._added_noise = np.deg2rad(config.loops.sigma_deg), config.loops.sigma_m
         # Features without depth mostly lie on edges, which look otherwise from afar.
@@ -113,10 +122,30 @@ class LoopVerifier:
         of_a, of_b = (self._cameras[self._odometry.frames.capture[k.row]] for k in (a, b))
         settings = self._of_neighbours if self._are_neighbours(candidate) else self._of_loops
         registration = PointRegistration(of_a, of_b, settings, self._matcher)
-        predicted = None
-        if T_world_camera is not None:
-            predicted = se3.inverse(T_world_camera[a.row]) @ T_world_camera[b.row]
-        return registration.register(a, b, rng, predicted)
+        if T_world_camera is None:
+            return registration.register(a, b, rng)
+        predicted = se3.inverse(T_world_camera[a.row]) @ T_world_camera[b.row]
+        found = registration.register(a, b, rng, predicted)
+        near = registration.register_near(a, b, predicted)
+        if isinstance(found, Rejected) or isinstance(near, Rejected):
+            return found
+        if _apart_px(a, of_b, found, near) < settings.refine_radius_px:
+            return found
+        return self._preferred(found, near, a.row, b.row)
+
+    def _preferred(
+        self, found: PoseEstimate, near: PoseEstimate, i: int, j: int
+    ) -> PoseEstimate | Rejected:
+        """Of two motions from row i to j the one that pixels clearly prefer, else none.
+
+        Among things that look the same, matches agree on wrong motions, too.
+        """
+        if self._log_odds is None:
+            return found
+        in_favour = float(self._log_odds(i, j, [found.T_a_b, near.T_a_b])[0, 1])
+        if abs(in_favour) < CLEAR:
+            return Rejected(AMBIGUOUS, found.matches, len(found.inliers))
+        return found if in_favour > 0 else near
 
     def _are_neighbours(self, candidate: LoopCandidate) -> bool:
         """Whether odometry joined the two, with few keyframes between."""
@@ -128,3 +157,10 @@ class LoopVerifier:
         i, j = (self._odometry.keyframes[k].row for k in (candidate.i, candidate.j))
         edge = Edge(i, j, estimate.T_a_b, estimate.information)
         return edge.with_added_noise(*self._added_noise)
+
+
+def _apart_px(a: FrameFeatures, of_b: Intrinsics, found: PoseEstimate, near: PoseEstimate) -> float:
+    """How far two motions put a point of a from each other in b's image; the median."""
+    points = a.points_camera[found.inliers[:, 0]]
+    places = (of_b.project(se3.transform(se3.inverse(e.T_a_b), points)) for e in (found, near))
+    return float(np.median(np.linalg.norm(np.subtract(*places), axis=1)))

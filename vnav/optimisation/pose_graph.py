@@ -18,6 +18,7 @@ from vnav.errors import VnavError
 
 INLIER_PROBABILITY = 0.9999  # of a right closure to pass the chi-squared test
 MAX_COST = float(gammaincinv(3, INLIER_PROBABILITY))  # half of chi-squared, 6 degrees of freedom
+INLIER_SIGMAS = float(np.sqrt(2 * MAX_COST / 6))  # of one degree of freedom, for that cost
 STEP_CONVERGED = 1e-3  # relative decrease of the error within a step of GNC; a last fit is exact
 ROOT_SIGMA = 1e-4  # rad, m
 
@@ -42,7 +43,8 @@ def optimise(
     """The poses that fit all trusted edges and those closures that agree with them.
 
     Graduated non-convexity with truncated least squares (Yang et al. 2020) over the closures, then
-    rejection of any that is still more than ``max_sigmas`` off, then a last least-squares fit.
+    rejection of any that is still more than ``max_sigmas`` off, then a least-squares fit, again
+    with all that agree with it: among many wrong closures, right ones are lost on the way.
     ``initial`` (N, 4, 4) may hold NaN for frames that no edge names. Deterministic.
     """
     nodes = np.flatnonzero(np.isfinite(initial[:, 0, 0]))
@@ -51,11 +53,15 @@ def optimise(
         graph = _graph(initial, nodes, [*edges, *closures])
         values, kept = _graduated_non_convexity(graph, values, len(closures))
         kept &= _sigmas(values, closures) <= max_sigmas
-    graph = _graph(initial, nodes, [*edges, *compress(closures, kept)])
-    before = graph.error(_values(initial, nodes))
-    values = gtsam.LevenbergMarquardtOptimizer(graph, values).optimize()
-    sigmas = _sigmas(values, closures)
-    return PoseGraph(_poses(values, initial), kept, sigmas, before, graph.error(values))
+    while True:
+        graph = _graph(initial, nodes, [*edges, *compress(closures, kept)])
+        before = graph.error(_values(initial, nodes))
+        values = gtsam.LevenbergMarquardtOptimizer(graph, values).optimize()
+        sigmas = _sigmas(values, closures)
+        agree = kept | (sigmas <= min(max_sigmas, INLIER_SIGMAS))
+        if (agree == kept).all():
+            return PoseGraph(_poses(values, initial), kept, sigmas, before, graph.error(values))
+        kept = agree
 
 
 def check_closures(T_world_camera: Array, closures: Sequence[Edge], max_sigmas: float) -> PoseGraph:

@@ -17,7 +17,7 @@ DEPTH_DELAY_SIGMA_S, LINE_DELAY_SIGMA_S = 0.02, 5e-5  # a frame's half; a Kinect
 def log_likelihoods(met: Array, brightness: Array, chance: Array, wrong: float) -> Array:
     """Of pixels (N,) meeting what they met, over that of meeting any others by chance.
 
-    ``met`` (N, 4) from `carried`; ``brightness`` (N,) of the pixels; ``chance`` (2,): standard
+    ``met`` (N, 6) from `carried`; ``brightness`` (N,) of the pixels; ``chance`` (2,): standard
     deviation of what any two pixels differ by, in inverse depth and in brightness; ``wrong``: share
     of pixels that a right motion does not explain. NaN for pixels that met nothing.
     """
@@ -25,10 +25,10 @@ def log_likelihoods(met: Array, brightness: Array, chance: Array, wrong: float) 
     gain, offset = _exposure(met, brightness, chance[1])
     for n in range(len(met)):
         if not np.isnan(met[n, 0]):
-            told[n] = _log_likelihood(met[n, 0], met[n, 2], chance[0], wrong)
+            told[n] = _log_likelihood(met[n, 0], met[n, 2], met[n, 4], chance[0], wrong)
         if not np.isnan(met[n, 1]):
             off = met[n, 1] - gain * brightness[n] - offset
-            told[n] += _log_likelihood(off, met[n, 3], chance[1], wrong)
+            told[n] += _log_likelihood(off, met[n, 3], met[n, 5], chance[1], wrong)
     return told
 
 
@@ -41,16 +41,17 @@ def carried(
     pixels: NDArray[np.int64],
     sigmas: Array,
 ) -> Array:
-    """What meets pixels (N, 2) of a where they fall in b: rows (N, 4).
+    """What meets pixels (N, 2) of a where they fall in b: rows (N, 6).
 
     How much nearer the pixel's point is than b's surface, in inverse depth, and b's brightness;
-    then the standard deviation of both. NaN where there is nothing to compare: a point outside b,
-    or hidden in it; the brightness also of one that is seen through. ``a`` and ``b`` (H, W, 2):
-    inverse depth, 0 for none, and brightness; ``cameras`` (2, 10): fx, fy, cx, cy of a and of b,
-    then the twist; ``sigmas`` (5,) of a place in pixels, of inverse depth, of brightness, and of
-    the delays of depth and of a row in seconds, which count where a camera moves.
+    then the standard deviations of both by noise, and those by delays. NaN where there is nothing
+    to compare: a point outside b, or hidden in it; the brightness also of one that is seen through.
+    ``a`` and ``b`` (H, W, 2): inverse depth, 0 for none, and brightness; ``cameras`` (2, 10): fx,
+    fy, cx, cy of a and of b, then the twist; ``sigmas`` (5,) of a place in pixels, of inverse
+    depth, of brightness, and of the delays of depth and of a row in seconds, which count where a
+    camera moves.
     """
-    met = np.full((len(pixels), 4), np.nan)
+    met = np.full((len(pixels), 6), np.nan)
     point, p, seen, own = np.empty(3), np.empty(3), np.empty((2, 3)), np.empty((2, 3))
     here, there = cameras[0], cameras[1]
     is_moving = np.abs(cameras[:, 4:]).max() > 0
@@ -68,14 +69,16 @@ def carried(
         if not _interpolated(seen, b, x, y):
             continue
         nearer = 1 / p[2] - seen[0, 0]
-        _spread(met[n, 2:], seen, sigmas, 1 / p[2] / w)
+        _spread(met[n, 2:4], seen, sigmas, 1 / p[2] / w)
+        met[n, 4:] = 0.0
         if is_moving and _interpolated(own, a, u, v):
             late = _late(own, here, u, v, len(a)), _late(seen, there, x, y, len(b))
             shift = _parallax(T_b_a, there, x, y, p[2] * w)
-            _add_delays(met[n, 2:], seen, late, shift, 1 / p[2] / w, sigmas[3:])
-        if nearer >= -SEEN_SIGMAS * met[n, 2]:
+            _by_delays(met[n, 4:], seen, late, shift, 1 / p[2] / w, sigmas[3:])
+        limit = SEEN_SIGMAS * np.hypot(met[n, 2], met[n, 4])
+        if nearer >= -limit:
             met[n, 0] = nearer
-        if abs(nearer) < SEEN_SIGMAS * met[n, 2]:
+        if abs(nearer) < limit:
             met[n, 1] = seen[1, 0]
     return met
 
@@ -136,7 +139,7 @@ def _parallax(T_b_a: Array, camera: Array, x: float, y: float, scale: float) -> 
 
 
 @compiled
-def _add_delays(
+def _by_delays(
     sigma: Array,
     seen: Array,
     late: tuple[tuple[float, float, float], tuple[float, float, float]],
@@ -144,7 +147,7 @@ def _add_delays(
     scale: float,
     delays: Array,
 ) -> None:
-    """Add to standard deviations (2,) of both residuals what unknown delays do, in place.
+    """Standard deviations (2,) of both residuals by unknown delays, in place.
 
     To first order. A sensor has one delay: frames that move alike are displaced alike.
     """
@@ -153,16 +156,20 @@ def _add_delays(
     along_edge = seen[1, 2] * shift[0] + seen[1, 1] * shift[1]
     depth = ((scale * scale - along_slope) * of_depth - of_depth_b) ** 2
     rows = (seen[1, 2] * (u - u_b) + seen[1, 1] * (v - v_b)) ** 2
-    sigma[0] = np.sqrt(sigma[0] ** 2 + delays[0] ** 2 * depth)
-    grey = (delays[0] * along_edge * of_depth) ** 2 + delays[1] ** 2 * rows
-    sigma[1] = np.sqrt(sigma[1] ** 2 + grey)
+    sigma[0] = delays[0] * np.sqrt(depth)
+    sigma[1] = np.sqrt((delays[0] * along_edge * of_depth) ** 2 + delays[1] ** 2 * rows)
 
 
 @compiled
-def _log_likelihood(off: float, sigma: float, chance: float, wrong: float) -> float:
-    """Of one residual over that of chance; no less than if it were wrong."""
-    spread = 1 + (chance / sigma) ** 2
-    ratio = np.sqrt(spread) * np.exp(-((off / sigma) ** 2) / 2 * (1 - 1 / spread))
+def _log_likelihood(off: float, noise: float, late: float, chance: float, wrong: float) -> float:
+    """Of one residual over that of chance; no less than if it were wrong.
+
+    ``late`` by unknown delays explains a residual, and makes none less likely that needs no
+    explanation: frames have one delay, whose prior no pixel pays for (a profile likelihood).
+    """
+    variance = noise * noise + late * late
+    squared = off * off * (1 / variance - 1 / (variance + chance * chance))
+    ratio = np.sqrt(1 + (chance / noise) ** 2) * np.exp(-squared / 2)
     return float(np.log((1 - wrong) * ratio + wrong))
 
 
@@ -179,7 +186,8 @@ def _exposure(met: Array, brightness: Array, chance: float) -> tuple[float, floa
             if np.isnan(met[n, 1]):
                 continue
             off = met[n, 1] - gain * brightness[n] - offset
-            weight = 1 / (1 + (off / (CAUCHY_SIGMAS * (met[n, 3] if k else chance))) ** 2)
+            sigma = np.hypot(met[n, 3], met[n, 5]) if k else chance
+            weight = 1 / (1 + (off / (CAUCHY_SIGMAS * sigma)) ** 2)
             count += weight
             for i, value in ((0, brightness[n]), (1, met[n, 1])):
                 sums[i] += weight * value

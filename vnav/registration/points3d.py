@@ -1,6 +1,7 @@
 """Two frames registered by their matched 3D points: claim 3, S3 to S5."""
 
 from dataclasses import dataclass, replace
+from math import ceil
 from typing import Protocol, cast
 
 import numpy as np
@@ -15,6 +16,7 @@ from vnav.core.mapping import FrameFeatures
 from vnav.registration.correspondences import Correspondences
 from vnav.registration.estimation import estimate_motion, refine_motion
 
+TWINS_SOUGHT = 64  # of the matches that agree, evenly spread over them
 MOTIONS = 3  # of a set of matches: the camera's, and those of what repeats or moves
 
 
@@ -74,12 +76,12 @@ class PointRegistration:
         Matches, RANSAC on three matched 3D points each, then robust non-linear refinement of
         reprojection and inverse depth with the sensor's noise. Where a motion is ``predicted``, the
         strongest features are first matched near the places that it gives. Unless nearly all of
-        those agree, features are also matched over the whole image: near wrong places, wrong
-        matches can agree by chance. With each motion found, features are matched once more, close
-        to where it puts them.
+        those agree, and are alike nowhere else, features are also matched over the whole image:
+        near wrong places, wrong matches can agree, by chance or as things repeat. With each motion
+        found, features are matched once more, close to where it puts them.
         """
         guided = self._guided(a, b, rng, predicted, count)
-        if not isinstance(guided, Rejected) and self._is_sure(guided[0]):
+        if not isinstance(guided, Rejected) and self._is_sure(guided[0], a, b):
             return [self._matched_again(guided[0], a, b)]
         unguided = self._unguided(a, b, rng, count)
         found = [e for way in (guided, unguided) if not isinstance(way, Rejected) for e in way]
@@ -130,8 +132,17 @@ class PointRegistration:
         only_b = ~a.has_depth[back[:, 0]] & ~np.isin(back[:, 1], found[:, 1])
         return np.concatenate([found, back[only_b]])
 
-    def _is_sure(self, guided: PoseEstimate) -> bool:
-        return guided.inlier_share >= self.config.search_min_inlier_share
+    def _is_sure(self, guided: PoseEstimate, a: FrameFeatures, b: FrameFeatures) -> bool:
+        """Whether nearly all matches agree, and nearly all have no twin elsewhere in b's image."""
+        enough, inliers = self.config.search_min_inlier_share, guided.inliers
+        if guided.inlier_share < enough:
+            return False
+        asked = inliers[:: ceil(len(inliers) / TWINS_SOUGHT)]
+        of_a = a.features[asked[:, 0].astype(np.intp)]
+        rows, nearest = self.matcher.without_ratio().match(of_a, b.features).T
+        px = b.features.keypoints_px
+        off = np.linalg.norm(px[nearest] - px[asked[rows, 1]], axis=1)
+        return bool((off < self.config.refine_radius_px).sum() >= enough * len(asked))
 
     def _guided(
         self,

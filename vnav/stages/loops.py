@@ -62,7 +62,9 @@ def close_loops(
     look: SecondLook | None = None,
 ) -> Closures:
     """Loops by appearance, then by nearness of the poses that those give, until nothing is new."""
-    verifier, found = LoopVerifier(odometry, cameras, config, progress), Closures()
+    log_odds = None if look is None else look.log_odds
+    verifier = LoopVerifier(odometry, cameras, config, progress, log_odds)
+    found = Closures()
     verifier.verify(by_appearance(odometry, tree, config.loops), found)
     for _ in range(config.loops.proximity_rounds):
         T_world_camera, part = _poses(odometry, found.edges, config, look)
