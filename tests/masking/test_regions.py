@@ -5,7 +5,8 @@ import numpy as np
 from tests.masking.moving_box import CAMERA
 from vnav.core.reduced_frame import ReducedFrame
 from vnav.masking.free_space import Votes
-from vnav.masking.regions import beside, grown, large, opened
+from vnav.masking.regions import beside, completed, grown, large, opened
+from vnav.masking.view import PosedView
 
 SHAPE = (CAMERA.height, CAMERA.width)
 
@@ -21,9 +22,17 @@ BODY = np.s_[10:50, 30:50]
 SEED = np.s_[10:20, 30:50]  # 3 % of the blocks
 
 
-def frame(background_m: float, body_m: float = 2.0) -> ReducedFrame:
-    depth_m = np.where(blocks(BODY), body_m, background_m)
-    return ReducedFrame(0.0, np.zeros(SHAPE), 1 / depth_m, CAMERA)
+def view(inverse_depth: np.ndarray) -> PosedView:
+    frame = ReducedFrame(0.0, np.zeros(SHAPE), inverse_depth, CAMERA)
+    return PosedView(frame, np.eye(4), np.zeros(SHAPE, bool))
+
+
+def scene(background_m: float, body_m: float = 2.0) -> PosedView:
+    return view(1 / np.where(blocks(BODY), body_m, background_m))
+
+
+def moved(regions: np.ndarray, ago_s: float = 0.0) -> np.ndarray:
+    return np.where(regions, ago_s, np.inf).astype(np.float32)
 
 
 def votes(same: int = 0, free: int = 0) -> Votes:
@@ -41,27 +50,37 @@ def test_small_regions_are_dropped_one_by_one() -> None:
 
 
 def test_a_region_grows_over_its_body_and_stops_at_a_step_of_depth() -> None:
-    result = grown(blocks(SEED), votes(), frame(3.0))
-    reached = np.flatnonzero(result[:, 40])
-    assert reached[0] == 10
-    assert abs((reached[-1] - 19) - 65.0 / 2.0) <= 2 or reached[-1] == 49
+    result = np.isfinite(grown(moved(blocks(SEED)), votes(), scene(3.0)))
+    assert result[BODY].all()
     assert not result[~blocks(BODY)].any()
 
 
 def test_a_region_does_not_grow_into_what_many_have_seen_in_its_place() -> None:
-    result = grown(blocks(SEED), votes(same=20), frame(2.01))
+    result = np.isfinite(grown(moved(blocks(SEED)), votes(same=20), scene(2.01)))
     assert np.array_equal(result, blocks(SEED))
+
+
+def test_a_surface_moves_as_a_whole_where_a_third_of_it_does() -> None:
+    for rows, whole in ((13, False), (14, True)):
+        part = blocks(np.s_[10 : 10 + rows, 30:50])
+        result = np.isfinite(completed(moved(part), scene(3.0)))
+        assert np.array_equal(result, blocks(BODY) if whole else part)
+
+
+def test_what_a_region_grows_by_has_moved_when_the_region_has() -> None:
+    result = grown(moved(blocks(SEED), ago_s=1.5), votes(), scene(3.0))
+    assert (result[BODY] == 1.5).all()
 
 
 def test_a_small_region_does_not_grow() -> None:
     seed = blocks(np.s_[10:15, 30:35])
-    assert np.array_equal(grown(seed, votes(), frame(3.0)), seed)
+    assert np.array_equal(np.isfinite(grown(moved(seed), votes(), scene(3.0))), seed)
 
 
 def test_edges_without_depth_belong_to_the_region_they_border() -> None:
-    depth = np.asarray(frame(3.0).inverse_depth).copy()
-    depth[:, 50] = 0
-    result = grown(blocks(BODY), votes(20), ReducedFrame(0.0, np.zeros(SHAPE), depth, CAMERA))
+    inverse_depth = np.array(scene(3.0).frame.inverse_depth)
+    inverse_depth[:, 50] = 0
+    result = np.isfinite(grown(moved(blocks(BODY)), votes(20), view(inverse_depth)))
     assert result[10:50, 50].all()
     assert not result[:, 51:].any()
 

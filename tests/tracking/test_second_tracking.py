@@ -15,6 +15,7 @@ from vnav.features import front_end
 from vnav.features.lifting import lift
 from vnav.io.formats.trajectories import read_tum
 from vnav.masking import PosedView
+from vnav.masking.view import still
 from vnav.tracking.frame_masks import FinalFrame, SeenFrame
 from vnav.tracking.pose_choice import TrackedFrame
 from vnav.tracking.second_tracking import SecondTracker
@@ -38,8 +39,8 @@ def seen(frames: list[Frame], poses: np.ndarray) -> list[SeenFrame]:
         features, image = extract(frame.color), reduced(frame)
         points = lift(features.keypoints_px, frame.depth_m, frame.intrinsics, CONFIG.registration)
         tracked = TrackedFrame(FrameFeatures(row, features, points), image, frame.intrinsics)
-        still = np.zeros(image.grey.shape, bool)
-        made.append(SeenFrame(tracked, PosedView(image, poses[row], still), still))
+        view = PosedView(image, poses[row], np.zeros(image.grey.shape, bool))
+        made.append(SeenFrame(tracked, view, still(view)))
     return made
 
 
@@ -74,7 +75,7 @@ def test_a_frame_of_which_a_mask_leaves_nothing_keeps_its_motions_and_is_passed_
 ) -> None:
     second = SecondTracker(CONFIG)
     second.track(FinalFrame(seen[0], False), [])
-    hidden = replace(seen[1], moving=np.ones_like(seen[1].moving), share=0.5)
+    hidden = replace(seen[1], moved_s=np.zeros_like(seen[1].moved_s), share=0.5)
     assert not second.track(FinalFrame(hidden, True), [edge(poses, 0, 1)]).estimates
     again = second.track(FinalFrame(seen[2], True), [edge(poses, 1, 2)])
     assert list(again.estimates) == [0]

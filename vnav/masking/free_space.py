@@ -15,7 +15,8 @@ MIN_Z_M = 0.05  # nothing is seen nearer than this
 SIGMAS = 4.0  # of the difference of two depths, that are not noise
 MEAN_OF_SIGMA = np.sqrt(2 / np.pi)  # mean absolute value of noise whose deviation is 1
 FITS = 2.0  # times the noise of two depths, by which views differ that fit
-STRIDE = 3  # between the blocks that tell how well two views fit
+COARSE = 2  # a region that is opened has a block of every so many rows and columns
+STRIDE = 2 * COARSE  # between the blocks that tell how well two views fit
 MIN_FITTED = 30  # such blocks
 SAME, FREE = range(2)
 
@@ -32,7 +33,11 @@ class Votes:
 
 
 def count_votes(
-    view: PosedView, others: Sequence[PosedView], sigma_per_m2: float, margin_m: float
+    view: PosedView,
+    others: Sequence[PosedView],
+    sigma_per_m2: float,
+    margin_m: float,
+    step: int = 1,
 ) -> Votes:
     """Hold a view's surfaces against what others measured where they fall.
 
@@ -40,7 +45,8 @@ def count_votes(
     farther by more than the noise and the margin: a misalignment of one block changes nothing.
     The noise is the sensor's, or more where surfaces that both see differ by more: then a pose is
     not exact, or depth is late. Where a view has no depth, where something hides the surface, and
-    beyond the image it has no vote. Views have one camera; none give no votes.
+    beyond the image it has no vote. Views have one camera; none give no votes. With a step, 1 or
+    `COARSE`, only blocks of every so many rows and columns are asked; they have the same votes.
     """
     votes = np.zeros((2, *view.frame.grey.shape), np.float32)
     K = view.frame.intrinsics
@@ -48,7 +54,7 @@ def count_votes(
     sigma = np.sqrt(2) * sigma_per_m2
     for other in others:
         T = se3.inverse(other.T_track_camera) @ view.T_track_camera
-        places, expected = _places(view.frame.inverse_depth, T, camera)
+        places, expected = block_places(view.frame.inverse_depth, T, camera, step)
         depths = other.frame.inverse_depth, other.nearest, other.farthest
         noise = _difference(places, expected, *depths, SIGMAS * sigma, margin_m) / MEAN_OF_SIGMA
         weight = min(1.0, (FITS * sigma / noise) ** 2) if noise > 0 else 1.0
@@ -58,8 +64,8 @@ def count_votes(
 
 
 @compiled
-def _places(
-    inverse_depth: Floats, T: Array, camera: Array
+def block_places(
+    inverse_depth: Floats, T: Array, camera: Array, step: int = 1
 ) -> tuple[NDArray[np.int32], NDArray[np.float32]]:
     """Of each block (h, w) the one of the other view where it falls, by number, -1 where none.
 
@@ -69,8 +75,8 @@ def _places(
     fx, fy, cx, cy = camera
     places = np.full((height, width), -1, np.int32)
     expected = np.zeros((height, width), np.float32)
-    for v in range(height):
-        for u in range(width):
+    for v in range(0, height, step):
+        for u in range(0, width, step):
             w = inverse_depth[v, u]
             x, y = (u - cx) / fx, (v - cy) / fy
             z = T[2, 0] * x + T[2, 1] * y + T[2, 2] + T[2, 3] * w  # times w, as all three
@@ -102,8 +108,10 @@ def _difference(
     total, found = 0.0, 0
     for v in range(0, height, STRIDE):
         for u in range(0, width, STRIDE):
+            if places[v, u] < 0:
+                continue
             i, j = divmod(places[v, u], width)
-            if places[v, u] < 0 or inverse_depth[i, j] == 0:
+            if inverse_depth[i, j] == 0:
                 continue
             tolerance = noise + margin_m * expected[v, u] * inverse_depth[i, j]
             off = abs(expected[v, u] - inverse_depth[i, j])
@@ -129,8 +137,10 @@ def _add_votes(
     height, width = places.shape
     for v in range(height):
         for u in range(width):
+            if places[v, u] < 0:
+                continue
             i, j = divmod(places[v, u], width)
-            if places[v, u] < 0 or nearest[i, j] == 0:
+            if nearest[i, j] == 0:
                 continue
             tolerance = noise + margin_m * expected[v, u] * nearest[i, j]
             if expected[v, u] - nearest[i, j] > tolerance:

@@ -1,22 +1,27 @@
 """What moves between views, by free space and by brightness: 003 S3, its mends included.
 
 Free space decides: where one view sees a surface and others, of the seconds before and after, have
-seen through that place, something came or left. Brightness decides where that has no depth.
+seen through that place, something came or left. Brightness decides where that has no depth. Who
+stands still before or after is followed from frame to frame, by surfaces that stay in their place.
 """
 
 from collections.abc import Sequence
 
+import numpy as np
+
 from vnav.config import Config
 from vnav.core import se3
-from vnav.core.arrays import Array
+from vnav.core.arrays import Array, Floats
 from vnav.core.reduced_frame import BLOCK_PX, ReducedFrame
 from vnav.masking.background import Background
-from vnav.masking.free_space import count_votes
-from vnav.masking.regions import beside, grown, large, opened
-from vnav.masking.view import Blocks, PosedView
+from vnav.masking.carrying import SurfaceCarrier
+from vnav.masking.free_space import COARSE, Votes, count_votes
+from vnav.masking.regions import beside, completed, grown, joined, large, opened
+from vnav.masking.view import MaskedView, PosedView, still
 from vnav.masking.warps import WARPS
 
 ENOUGH = 1.0  # views that fit, or more that fit worse, see through what is not there
+REMEMBERED_S = 3.0  # who has moved counts as moving for so long, and who will move
 
 
 class MotionMask:
@@ -26,6 +31,7 @@ class MotionMask:
         self._config = config.masking
         self._sigma = config.registration.depth_sigma_per_m2
         self._warp = WARPS[self._config.warp]
+        self._carrier = SurfaceCarrier(self._sigma, self._config.depth_margin_m)
         self._min_blocks = self._config.min_region_px / BLOCK_PX**2
         self.forget()
 
@@ -47,17 +53,39 @@ class MotionMask:
             self._background = self._expected.updated(view.frame.grey)
         self._last = view
 
-    def moving(self, view: PosedView, others: Sequence[PosedView]) -> Blocks:
+    def moving(self, view: PosedView, others: Sequence[PosedView], carried: Floats) -> Floats:
         """Surfaces that others see through, and beside them changed brightness without depth."""
         if self._config.warp == "homography":
-            return large(opened(view.changed), self._min_blocks)
-        votes = count_votes(view, others, self._sigma, self._config.depth_margin_m)
-        inverse_depth = view.frame.inverse_depth
+            return np.where(
+                large(opened(view.changed), self._min_blocks), np.float32(0), still(view)
+            )
+        if np.isinf(carried).all() and not (self._votes(view, others, COARSE).free >= ENOUGH).any():
+            return carried
+        votes = self._votes(view, others)
         regions = large(opened(votes.free >= ENOUGH), self._min_blocks)
-        if not regions.any():
-            return regions
-        regions = grown(regions, votes, view.frame)
-        return regions | beside(regions, opened(view.changed & (inverse_depth == 0)))
+        moved_s = np.where(regions, np.float32(0), carried)
+        moving = np.isfinite(moved_s)
+        if not moving.any():
+            return moved_s
+        moved_s = grown(moved_s, votes, view)
+        changed = beside(np.isfinite(moved_s), opened(view.changed & (view.surfaces == 0)))
+        return joined(moved_s, changed, view.surfaces)
+
+    def carried(
+        self, view: PosedView, beside: MaskedView, witnesses: Sequence[MaskedView]
+    ) -> Floats:
+        """Surfaces that move in the view beside, where they are still there; not for too long."""
+        result = still(view)
+        if self._config.warp == "homography" or np.isinf(beside.moved_s).all():
+            return result
+        moved_s = self._carrier.carried(view, beside)
+        moved_s += np.float32(abs(view.frame.stamp_s - beside.view.frame.stamp_s))
+        found = self._carrier.borne_out(view, moved_s <= REMEMBERED_S, witnesses)
+        found = large(opened(found), self._min_blocks)
+        return completed(np.where(found, moved_s, result), view)
+
+    def _votes(self, view: PosedView, others: Sequence[PosedView], step: int = 1) -> Votes:
+        return count_votes(view, others, self._sigma, self._config.depth_margin_m, step)
 
     def _seen_from(self, frame: ReducedFrame, T_track_camera: Array) -> Background:
         """The background as it moves with the camera; an unknown one where nobody knows how."""

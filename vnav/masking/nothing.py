@@ -5,9 +5,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from vnav.config import Config
-from vnav.core.arrays import Array
+from vnav.core.arrays import Array, Floats
 from vnav.core.reduced_frame import ReducedFrame
-from vnav.masking.view import Blocks, PosedView
+from vnav.masking.view import MaskedView, PosedView, still
 
 
 class NoMask:
@@ -20,9 +20,15 @@ class NoMask:
         """The frame, in which nothing has changed."""
         return PosedView(frame, T_track_camera, np.zeros(frame.grey.shape, bool))
 
-    def moving(self, view: PosedView, _others: Sequence[PosedView]) -> Blocks:
+    def moving(self, view: PosedView, _others: Sequence[PosedView], _carried: Floats) -> Floats:
         """Nothing."""
-        return np.zeros(view.frame.grey.shape, bool)
+        return still(view)
+
+    def carried(
+        self, view: PosedView, _beside: MaskedView, _witnesses: Sequence[MaskedView]
+    ) -> Floats:
+        """Nothing."""
+        return still(view)
 
     def add(self, view: PosedView) -> None:
         """Nothing is held against it."""

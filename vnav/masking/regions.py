@@ -1,20 +1,21 @@
 """Blocks that move, made regions: opened, large, and grown over the body they belong to: 003 S34.
 
-What moves is connected, and so is its depth: a step between blocks of less than 5 cm.
+What moves is connected, and so is its surface. A block that moves has the time to the frame in
+which its surface is seen to move, in seconds; one that does not has infinity.
 """
 
 import cv2
 import numpy as np
+from numpy.typing import NDArray
 
 from vnav.compiled import compiled
 from vnav.core.arrays import Floats
-from vnav.core.reduced_frame import ReducedFrame
 from vnav.masking.free_space import Votes
-from vnav.masking.view import AROUND, Blocks
+from vnav.masking.view import AROUND, Blocks, PosedView
 
-STEP_M = 0.05  # between neighbours on one body
 REACH_M = 1.0  # that a region grows by, along the surface
 LEAST_SHARE = 0.006  # of the image, that a region has which grows: smaller ones may be noise
+WHOLE = 1 / 3  # of a surface: where so much moves, all of it does
 MAX_SAME = 5  # views that see a surface where it is, for it to be part of what moves
 EDGE = 2  # blocks without depth beside a region that are its own: the sensor has none at edges
 
@@ -41,19 +42,38 @@ def beside(regions: Blocks, others: Blocks) -> Blocks:
     return np.asarray(np.isin(labels, touched[touched > 0]))
 
 
-def grown(regions: Blocks, votes: Votes, frame: ReducedFrame) -> Blocks:
-    """Regions with the rest of the body that they are of, and its edges, which have no depth.
+def grown(moved_s: Floats, votes: Votes, view: PosedView) -> Floats:
+    """Blocks (h, w) that move, with the rest of the body that they are of, and its edges.
 
     A block that many views have seen where it is and none has seen through is of no body that
-    moves: floor or wall.
+    moves, floor or wall, unless a third of its surface moves.
     """
     may_move = (votes.same <= MAX_SAME) | (votes.free > 0)
-    bodies = large(regions, LEAST_SHARE * regions.size)
-    block_rad = 1 / frame.intrinsics.fx
-    result = regions | _flooded(bodies, may_move, frame.inverse_depth, block_rad)
+    bodies = large(np.isfinite(moved_s), LEAST_SHARE * moved_s.size)
+    block_rad = 1 / view.frame.intrinsics.fx
+    body = _flooded(bodies, may_move, view.frame.inverse_depth, view.surfaces, block_rad)
+    return completed(joined(moved_s, body, view.surfaces), view)
+
+
+def completed(moved_s: Floats, view: PosedView) -> Floats:
+    """Blocks (h, w) that move, with surfaces of which a third does, and edges without depth."""
+    number = view.surfaces
+    moving = np.isfinite(moved_s)
+    sizes, found = np.bincount(number.flat), np.bincount(number.flat, moving.flat)
+    whole = (found >= WHOLE * sizes) & (found >= LEAST_SHARE * number.size)
+    whole[0] = False
+    moving |= whole[number]
     for _ in range(EDGE):
-        result |= _widened(result) & (frame.inverse_depth == 0)
-    return result
+        moving |= _widened(moving) & (number == 0)
+    return joined(moved_s, moving, number)
+
+
+def joined(moved_s: Floats, blocks: Blocks, number: NDArray[np.int32]) -> Floats:
+    """With more blocks, which move when their surface does; at once where they are of none."""
+    soonest = np.full(number.max() + 1, np.inf, np.float32)
+    np.minimum.at(soonest, number.ravel(), moved_s.ravel())
+    soonest[0] = 0
+    return np.where(blocks & np.isinf(moved_s), soonest[number], moved_s)
 
 
 def _widened(blocks: Blocks) -> Blocks:
@@ -61,8 +81,14 @@ def _widened(blocks: Blocks) -> Blocks:
 
 
 @compiled
-def _flooded(regions: Blocks, may_move: Blocks, inverse_depth: Floats, block_rad: float) -> Blocks:
-    """Breadth first from the regions, over depth without steps, `REACH_M` far."""
+def _flooded(
+    regions: Blocks,
+    may_move: Blocks,
+    inverse_depth: Floats,
+    number: NDArray[np.int32],
+    block_rad: float,
+) -> Blocks:
+    """Breadth first from the regions, over surfaces by their numbers, `REACH_M` far."""
     height, width = regions.shape
     result = regions.copy()
     queue, way_m = np.empty((regions.size, 2), np.int64), np.zeros(regions.shape, np.float32)
@@ -80,10 +106,10 @@ def _flooded(regions: Blocks, may_move: Blocks, inverse_depth: Floats, block_rad
             row, column = v + dv, u + du
             if not (0 <= row < height and 0 <= column < width) or result[row, column]:
                 continue
-            here, there = inverse_depth[v, u], inverse_depth[row, column]
-            length_m = way_m[v, u] + block_rad / there
-            joined = abs(here - there) < STEP_M * here * there
-            if may_move[row, column] and joined and length_m < REACH_M:
+            if number[row, column] == 0 or number[row, column] != number[v, u]:
+                continue
+            length_m = way_m[v, u] + block_rad / inverse_depth[row, column]
+            if may_move[row, column] and length_m < REACH_M:
                 result[row, column], way_m[row, column] = True, length_m
                 queue[end, 0], queue[end, 1] = row, column
                 end += 1

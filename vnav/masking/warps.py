@@ -6,6 +6,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from vnav.compiled import compiled
 from vnav.core.arrays import Array, Floats
 from vnav.core.reduced_frame import ReducedFrame
 
@@ -24,19 +25,32 @@ def by_depth(last: ReducedFrame, current: ReducedFrame, T_last_current: Array) -
     Blocks without depth are as far as the nearest ones that have it; in a frame without any depth
     all are at infinity.
     """
-    camera = current.intrinsics
-    rows, columns = np.indices(current.grey.shape)
-    pixels = np.stack([columns, rows], -1)
-    inverse_depth = _filled(current.inverse_depth)
-    rays = camera.unproject(pixels, np.ones(rows.shape))
-    points = rays @ T_last_current[:3, :3].T + inverse_depth[..., None] * T_last_current[:3, 3]
-    places = camera.project(points)
-    column, row = (np.nan_to_num(np.rint(places[..., k]), nan=-1) for k in range(2))
-    inside = (column >= 0) & (column < camera.width) & (row >= 0) & (row < camera.height)
-    at = np.where(inside, row, 0).astype(np.intp), np.where(inside, column, 0).astype(np.intp)
-    expected = inverse_depth / np.maximum(points[..., 2], 1e-6)
-    hidden = inside & (last.inverse_depth[at] > expected * (1 + HIDDEN)) & (inverse_depth > 0)
-    return np.where(hidden[..., None], np.nan, places).astype(np.float32)
+    K, filled = current.intrinsics, _filled(current.inverse_depth)
+    camera = np.array([K.fx, K.fy, K.cx, K.cy])
+    return _places_before(filled, current.inverse_depth, last.inverse_depth, T_last_current, camera)
+
+
+@compiled
+def _places_before(
+    filled: Floats, inverse_depth: Floats, last: Floats, T: Array, camera: Array
+) -> NDArray[np.float32]:
+    height, width = filled.shape
+    fx, fy, cx, cy = camera
+    places = np.full((height, width, 2), np.nan, np.float32)
+    for v in range(height):
+        for u in range(width):
+            x, y, w = (u - cx) / fx, (v - cy) / fy, filled[v, u]
+            z = T[2, 0] * x + T[2, 1] * y + T[2, 2] + T[2, 3] * w
+            if z <= 0:
+                continue
+            column = fx * (T[0, 0] * x + T[0, 1] * y + T[0, 2] + T[0, 3] * w) / z + cx
+            row = fy * (T[1, 0] * x + T[1, 1] * y + T[1, 2] + T[1, 3] * w) / z + cy
+            if inverse_depth[v, u] > 0 and 0 <= column + 0.5 < width and 0 <= row + 0.5 < height:
+                before = last[int(row + 0.5), int(column + 0.5)]
+                if before > w / z * (1 + HIDDEN):
+                    continue
+            places[v, u, 0], places[v, u, 1] = column, row
+    return places
 
 
 def by_homography(last: ReducedFrame, current: ReducedFrame, _motion: Array) -> Floats | None:

@@ -1,11 +1,11 @@
 """What moves in the frames that are tracked: at once by those before, later by those after: S4.
 
 003 S4: features in what moves are dropped. A person who stands still is seen to have moved only
-when he is gone: a frame's mask is final when the time that the settings name has passed.
+when he is gone: where something moves, a frame's mask is final `REMEMBERED_S` after the views of
+the time that the settings name are known.
 """
 
 from collections import deque
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -13,26 +13,29 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vnav.config import Config
-from vnav.core.arrays import Array
+from vnav.core.arrays import Array, Floats
 from vnav.core.mapping import FrameFeatures
 from vnav.core.reduced_frame import blocks_of
 from vnav.masking import PosedView, mask
-from vnav.masking.view import Blocks
+from vnav.masking.history import ViewHistory
+from vnav.masking.motion import REMEMBERED_S
+from vnav.masking.view import Blocks, MaskedView, still
 from vnav.tracking.pose_choice import TrackedFrame
 
-SPACING_S = 0.18  # at least, between the views that others are held against
+BETWEEN_S = 1.0  # at least, from one time that masks are carried back to the next
 
 
 @dataclass(frozen=True)
 class SeenFrame:
-    """A frame with all its features, and its mask (h, w), ``moving``; ``share`` of it moves.
+    """A frame with all its features, and its mask; ``share`` of it moves.
 
-    Where that is more than a mask may cover, there is no mask, and the share is NaN.
+    ``moved_s`` as in `MaskedView`. Where more moves than a mask may cover, there is no mask, and
+    the share is NaN.
     """
 
     frame: TrackedFrame
     view: PosedView
-    moving: Blocks
+    moved_s: Floats
     share: float = 0.0
     is_keyframe: bool = False
 
@@ -40,6 +43,21 @@ class SeenFrame:
     def row(self) -> int:
         """In the frame table."""
         return self.frame.features.row
+
+    @property
+    def stamp_s(self) -> float:
+        """When it was taken."""
+        return self.view.stamp_s
+
+    @property
+    def masked(self) -> MaskedView:
+        """What others are told of it."""
+        return MaskedView(self.view, self.moved_s)
+
+    @cached_property
+    def moving(self) -> Blocks:
+        """The mask (h, w)."""
+        return np.isfinite(self.moved_s)
 
     @cached_property
     def static(self) -> TrackedFrame:
@@ -63,13 +81,20 @@ class FinalFrame:
 
 
 class FrameMasks:
-    """Masks frame after frame, and once more when the frames after are known."""
+    """Masks frame after frame, and once more when the frames after are known.
+
+    A mask is made at once by the views before, again when those after are known, and is final with
+    what masks of later frames carry back to it.
+    """
 
     def __init__(self, config: Config) -> None:
         self._config = config.masking
         self._mask = mask(config)
-        self._views: list[PosedView] = []
-        self._pending: deque[SeenFrame] = deque()
+        self._views = ViewHistory()
+        self._last: SeenFrame | None = None
+        self._last_known: SeenFrame | None = None
+        self._new: deque[SeenFrame] = deque()  # whose views after are not all known
+        self._known: deque[tuple[SeenFrame, SeenFrame]] = deque()  # as tracked, and by all views
         self._final: list[FinalFrame] = []
         self._moved_s = -np.inf  # time of the newest frame in which something moves
         self._static: dict[int, FrameFeatures] = {}
@@ -79,27 +104,28 @@ class FrameMasks:
     def look(self, frame: TrackedFrame, T_track_camera: Array) -> SeenFrame:
         """The next frame at its pose, as far as that is known, and what the frames before say."""
         view = self._mask.look(frame.image, T_track_camera)
-        return self._masked(SeenFrame(frame, view, np.zeros(frame.image.grey.shape, bool)))
+        return self._masked(SeenFrame(frame, view, still(view)), self._last)
 
     def add(self, seen: SeenFrame, T_track_camera: Array, is_keyframe: bool) -> None:
         """Take the frame that was looked at last, at the pose that was found in the end."""
         view = replace(seen.view, T_track_camera=T_track_camera)
         seen = replace(seen, view=view, is_keyframe=is_keyframe)
-        now_s, window_s = view.frame.stamp_s, self._config.window_s
         self._mask.add(view)
         self._note(seen)
-        if not self._views or now_s - self._views[-1].frame.stamp_s >= SPACING_S:
-            self._views.append(view)
-        self._pending.append(seen)
-        while now_s - self._pending[0].view.frame.stamp_s > window_s:
-            self._finish(self._pending.popleft())
-        self._views = [v for v in self._views if now_s - v.frame.stamp_s <= 2 * window_s]
+        self._views.add(seen.masked)
+        self._new.append(seen)
+        self._last = seen
+        known_s = seen.stamp_s - self._config.window_s
+        while self._new[0].stamp_s < known_s:
+            self._look_again(self._new.popleft())
+        self._finish(known_s)
 
     def restart(self) -> None:
         """Begin a new track, or end the last: the masks of all frames become final."""
-        while self._pending:
-            self._finish(self._pending.popleft())
-        self._views = []
+        while self._new:
+            self._look_again(self._new.popleft())
+        self._finish(np.inf)
+        self._views, self._last, self._last_known = ViewHistory(), None, None
         self._mask.forget()
 
     def taken_final(self) -> list[FinalFrame]:
@@ -115,12 +141,43 @@ class FrameMasks:
         """Share (N,) of each of so many frames that moves, NaN where too much did for a mask."""
         return np.array([self._shares.get(row, 0.0) for row in range(frames)], np.float32)
 
-    def _finish(self, seen: SeenFrame) -> None:
-        """Decide a mask for good; not where nothing moves for as long as it can see."""
-        final = seen
-        if seen.is_keyframe or self._moved_s >= seen.view.frame.stamp_s - self._config.window_s:
-            final = self._masked(seen)
-            self._note(final)
+    def _look_again(self, seen: SeenFrame) -> None:
+        """Mask by the views after, too; not where nothing moves for as long as it can see."""
+        known = seen
+        if seen.is_keyframe or self._moved_s >= seen.stamp_s - self._config.window_s:
+            known = self._masked(seen, self._last_known)
+            self._note(known)
+        self._known.append((seen, known))
+        self._last_known = known
+
+    def _finish(self, known_s: float) -> None:
+        """Decide masks that no later frame can change, by those of frames until a time."""
+        while self._known and self._moved_s < self._known[0][1].stamp_s:
+            self._decide(*self._known.popleft())
+        final_s = known_s - REMEMBERED_S
+        if self._known and self._known[0][1].stamp_s < final_s - BETWEEN_S:
+            self._carry_back()
+            while self._known and self._known[0][1].stamp_s < final_s:
+                self._decide(*self._known.popleft())
+            self._views.forget(final_s - self._config.window_s)
+
+    def _carry_back(self) -> None:
+        """Let each frame know what moves in those after it, as far as it sees that there."""
+        later: SeenFrame | None = None
+        for k in reversed(range(len(self._known))):
+            seen, known = self._known[k]
+            if later is not None and later.moving.any():
+                end_s = known.stamp_s + self._config.window_s
+                after = self._views.between(known.stamp_s, end_s)
+                moved_s = self._mask.carried(known.view, later.masked, after)
+                known = self._with(known, np.minimum(known.moved_s, moved_s))
+                self._note(known)
+            self._views.replace(known.masked)
+            self._known[k] = seen, known
+            later = known
+
+    def _decide(self, seen: SeenFrame, final: SeenFrame) -> None:
+        """Give a mask away for good."""
         self._final.append(FinalFrame(final, not np.array_equal(final.moving, seen.moving)))
         if final.is_keyframe:
             self._static[final.row] = final.static.features
@@ -130,16 +187,22 @@ class FrameMasks:
     def _note(self, seen: SeenFrame) -> None:
         self._shares[seen.row] = seen.share
         if seen.share != 0:
-            self._moved_s = max(self._moved_s, seen.view.frame.stamp_s)
+            self._moved_s = max(self._moved_s, seen.stamp_s)
 
-    def _masked(self, seen: SeenFrame) -> SeenFrame:
-        """The frame with its mask by all views within the window, before it and after."""
-        moving = self._mask.moving(seen.view, self._near(seen.view.frame.stamp_s))
-        share = float(moving.mean())
+    def _masked(self, seen: SeenFrame, before: SeenFrame | None) -> SeenFrame:
+        """The frame with its mask by all views within the window, and by the frame ``before``."""
+        view, now_s, window_s = seen.view, seen.stamp_s, self._config.window_s
+        earlier = self._views.between(now_s - window_s, now_s)
+        later = self._views.between(now_s, now_s + window_s)
+        carried = (
+            still(view) if before is None else self._mask.carried(view, before.masked, earlier)
+        )
+        others = [other.view for other in (*earlier, *later)]
+        return self._with(seen, self._mask.moving(view, others, carried))
+
+    def _with(self, seen: SeenFrame, moved_s: Floats) -> SeenFrame:
+        """The frame with another mask, if that is not too large."""
+        share = float(np.isfinite(moved_s).mean())
         if share > self._config.max_share:
-            return replace(seen, moving=np.zeros_like(moving), share=np.nan)
-        return replace(seen, moving=moving, share=share)
-
-    def _near(self, stamp_s: float) -> Sequence[PosedView]:
-        window_s = self._config.window_s
-        return [v for v in self._views if 0 < abs(v.frame.stamp_s - stamp_s) <= window_s]
+            return replace(seen, moved_s=still(seen.view), share=np.nan)
+        return replace(seen, moved_s=moved_s, share=share)
