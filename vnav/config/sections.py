@@ -157,7 +157,7 @@ class MaskingConfig(Section, path="masking"):
     """What moves, and is left out."""
 
     method: str = choice(
-        "none",
+        "motion",
         lambda: ("none", "motion"),
         "what finds moving things; none: everything is taken to stand still",
     )
