@@ -1,11 +1,13 @@
 """Frames of the tiny capture tracked once more: which motions change, and to what."""
 
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from tests.masking.moving_box import CAMERA, NO_FEATURES, walk
 from vnav.config import Config, FeaturesConfig
 from vnav.core import se3
 from vnav.core.frame import Edge, Frame
@@ -16,9 +18,9 @@ from vnav.features.lifting import lift
 from vnav.io.formats.trajectories import read_tum
 from vnav.masking import PosedView
 from vnav.masking.view import still
-from vnav.tracking.frame_masks import FinalFrame, SeenFrame
+from vnav.tracking.frame_masks import FinalFrame, FrameMasks, SeenFrame
 from vnav.tracking.pose_choice import TrackedFrame
-from vnav.tracking.second_tracking import SecondTracker
+from vnav.tracking.second_tracking import SecondTracker, SecondTracking
 
 CONFIG = Config(features=FeaturesConfig(max_features=700))
 ROWS = 3
@@ -89,3 +91,24 @@ def test_the_next_frame_follows_from_the_mended_one(
     second.track(FinalFrame(seen[1], True), [edge(poses, 0, 1)])
     choice = second.track(FinalFrame(seen[2], False), [edge(poses, 1, 2)])
     assert list(choice.estimates) == [1]
+
+
+def test_the_second_round_masks_by_the_motions_of_the_first() -> None:
+    walked = walk(4.0, lambda t_s: -0.7 + 0.35 * t_s)
+    first, ahead = FrameMasks(CONFIG), se3.make(np.eye(3), [0, 0, 0.3])
+    second = SecondTracking(CONFIG, first)
+    edges = {k: [edge(np.array(walked.poses), k - 1, k)] if k else [] for k in range(40)}
+    for row, frame in enumerate(walked.frames):
+        nothing = FrameFeatures(row, NO_FEATURES, np.zeros((0, 3)))
+        astray = walked.poses[row] @ ahead if row >= 20 else walked.poses[row]
+        tracked = TrackedFrame(nothing, frame, CAMERA.scaled(4 * CAMERA.width, 4 * CAMERA.height))
+        first.add(first.look(tracked, astray), astray, is_keyframe=True)
+    assert not list(second.end(edges))  # no features, no other motions
+    by_first, in_the_end = (_iou(masks.moving, walked.box) for masks in (first, second.masks))
+    assert by_first < 0.6
+    assert in_the_end > 0.8
+
+
+def _iou(found: Mapping[int, np.ndarray], truth: list[np.ndarray]) -> float:
+    masks = [found.get(k, np.zeros_like(box)) for k, box in enumerate(truth)]
+    return float(np.logical_and(masks, truth).sum() / np.logical_or(masks, truth).sum())

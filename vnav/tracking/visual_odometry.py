@@ -1,6 +1,6 @@
 """Visual odometry: poses of frames by their features, else by all their pixels: claim 3."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -21,7 +21,7 @@ from vnav.tracking.map_tracking import MapTracker
 from vnav.tracking.masked_tracking import MaskedTracker
 from vnav.tracking.motion import ConstantVelocity
 from vnav.tracking.pose_choice import ChosenMotions, Motions, TrackedFrame
-from vnav.tracking.second_tracking import SecondTracker
+from vnav.tracking.second_tracking import SecondTracking
 
 
 class VisualOdometry:
@@ -34,7 +34,7 @@ class VisualOdometry:
         self._masked = MaskedTracker(config, self._features, self._motion)
         self._dense = DenseTracker(config)
         self._map = MapTracker(config, self._motion)
-        self._second = SecondTracker(config)
+        self._second = SecondTracking(config, self._masked.masks)
         self._edges: dict[int, list[Edge]] = {}  # by the row of the frame that they lead to
         self._alternatives: dict[int, list[Edge]] = {}
         self._degenerate_edges: list[Edge] = []
@@ -65,13 +65,13 @@ class VisualOdometry:
         if is_keyframe:
             self._map.add(features, frame, choice.estimates)
         self._masked.remember(features.row, is_keyframe)
-        self._track_again()
+        self._take(self._second.track(self._edges))
         return is_keyframe
 
     @property
     def moving(self) -> Mapping[int, Blocks]:
         """Blocks (h, w) of keyframes that move, by row; final with the result."""
-        return self._masked.masks.moving
+        return self._second.masks.moving
 
     def skip(self, row: int, reason: str) -> None:
         """Leave a frame out, and say why."""
@@ -79,9 +79,8 @@ class VisualOdometry:
 
     def result(self, frames: FrameTable) -> Odometry:
         """Everything that was tracked, as segments of connected frames."""
-        masks = self._masked.masks
-        masks.restart()
-        self._track_again()
+        self._take(self._second.end(self._edges))
+        masks = self._second.masks
         keyframes = tuple(masks.static(k.features) for k in self._features.keyframes)
         if not keyframes:
             raise CaptureError(
@@ -135,14 +134,11 @@ class VisualOdometry:
             self._reasons[row] = "no frame before it matches"
         return not edges and bool(degenerate)
 
-    def _track_again(self) -> None:
-        """Give frames whose masks are final now the edges that these leave, where masks changed."""
-        for final in self._masked.masks.taken_final():
-            row = final.seen.row
-            choice = self._second.track(final, self._edges[row])
-            if choice.estimates:
-                self._edges[row] = _edges(row, choice.estimates)
-                self._alternatives[row] = _edges(row, choice.alternatives)
+    def _take(self, found: Iterable[tuple[int, ChosenMotions]]) -> None:
+        """Give frames the edges that later masks leave."""
+        for row, choice in found:
+            self._edges[row] = _edges(row, choice.estimates)
+            self._alternatives[row] = _edges(row, choice.alternatives)
 
     def _is_keyframe(self, estimates: Motions) -> bool:
         """By motion and shared view; also where the last keyframe is out of sight."""
