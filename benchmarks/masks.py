@@ -1,11 +1,12 @@
 """How well what moves is masked: by the truth of rendered walkers, and where nothing moves.
 
-    python benchmarks/masks.py CAPTURE... [--trajectory TUM] [--set masking.warp=homography]
+    python benchmarks/masks.py CAPTURE... [--maps DIR] [--set masking.warp=homography]
 
 A capture with truth/masks is held against the pixels of the walkers who move within 3 s before or
 after; of any other, in which nothing moves, the share that is masked all the same is told. Poses
-are the true ones, or those of a file. "in the end": every frame is taken for a keyframe, whose mask
-the frames before and after decide; "at once": the mask that tracking has, by the frames before.
+are the true ones, or those of the map DIR/NAME where it is there. "in the end": every frame is
+taken for a keyframe, whose mask the frames before and after decide; "at once": the mask that
+tracking has, by the frames before.
 Exit code 1 where a bound of the documentation is missed.
 """
 
@@ -72,10 +73,11 @@ def _reduced_frames(capture: Capture, rows: Sequence[int]) -> Iterator[tuple[int
         yield from zip(rows, pool.map(lambda k: reduced(capture.read(k)), rows), strict=True)
 
 
-def poses_of(capture: Capture, folder: Path, trajectory: Path | None) -> dict[int, Array]:
+def poses_of(capture: Capture, folder: Path, maps: Path | None) -> dict[int, Array]:
     """Poses by row, of the frames that have one."""
     config = Config().capture
-    given = read_truth(trajectory or folder, config)
+    mapped = maps / folder.name / "optimise" / "trajectory_0.tum" if maps else folder
+    given = read_truth(mapped if mapped.is_file() else folder, config)
     pairs = associate(capture.stamps_s, given.stamps_s, config.association_s)
     return {int(row): given.T_world_camera[k] for row, k in pairs}
 
@@ -105,9 +107,9 @@ def without_truth(name: str, what: str, found: Iterable[Pixels]) -> Iterator[Mea
     yield Measurement(name, what, "masked, most", max(shares), "", f"at most {MOST_SHARE}")
 
 
-def measure(folder: Path, trajectory: Path | None, config: Config) -> Iterator[Measurement]:
+def measure(folder: Path, maps: Path | None, config: Config) -> Iterator[Measurement]:
     capture = open_capture(folder, config.capture)
-    masks = masks_of(capture, poses_of(capture, folder, trajectory), config)
+    masks = masks_of(capture, poses_of(capture, folder, maps), config)
     walkers = folder / "truth" / "masks"
     truth = read_moving_masks(folder / "truth") if walkers.is_dir() else None
     for what, found in (("at once", masks.at_once), ("in the end", masks.in_the_end)):
@@ -122,12 +124,12 @@ def measure(folder: Path, trajectory: Path | None, config: Config) -> Iterator[M
 def main(arguments: Sequence[str] | None = None) -> int:
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     parser.add_argument("captures", nargs="+", type=Path)
-    parser.add_argument("--trajectory", type=Path, help="poses other than the true ones")
+    parser.add_argument("--maps", type=Path, help="whose poses are taken, not the true ones")
     parser.add_argument("--set", action="append", default=[], metavar="SECTION.NAME=VALUE")
     add_record_option(parser)
     asked = parser.parse_args(arguments)
     config = load(settings=asked.set)
-    found = [m for path in asked.captures for m in measure(path, asked.trajectory, config)]
+    found = [m for path in asked.captures for m in measure(path, asked.maps, config)]
     return conclude("masks", found, asked, arguments)
 
 

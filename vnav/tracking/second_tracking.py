@@ -11,7 +11,7 @@ from vnav.tracking.frame_masks import FinalFrame, FrameMasks, SeenFrame
 from vnav.tracking.motion import ConstantVelocity
 from vnav.tracking.pose_choice import ChosenMotions
 
-ROUNDS = 2
+ROUNDS = 2  # of masks and motions
 
 
 class SecondTracker:
