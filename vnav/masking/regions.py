@@ -51,7 +51,8 @@ def grown(moved_s: Floats, votes: Votes, view: PosedView) -> Floats:
     may_move = (votes.same <= MAX_SAME) | (votes.free > 0)
     bodies = large(np.isfinite(moved_s), LEAST_SHARE * moved_s.size)
     block_rad = 1 / view.frame.intrinsics.fx
-    body = _flooded(bodies, may_move, view.frame.inverse_depth, view.surfaces, block_rad)
+    number = np.where(may_move | bodies, view.surfaces, np.int32(0))
+    body = _flooded(bodies, number, view.frame.inverse_depth, block_rad)
     return completed(joined(moved_s, body, view.surfaces), view)
 
 
@@ -82,13 +83,9 @@ def _widened(blocks: Blocks) -> Blocks:
 
 @compiled
 def _flooded(
-    regions: Blocks,
-    may_move: Blocks,
-    inverse_depth: Floats,
-    number: NDArray[np.int32],
-    block_rad: float,
+    regions: Blocks, number: NDArray[np.int32], inverse_depth: Floats, block_rad: float
 ) -> Blocks:
-    """Breadth first from the regions, over surfaces by their numbers, `REACH_M` far."""
+    """Breadth first from the regions, over their surfaces, `REACH_M` far; number 0 is of none."""
     height, width = regions.shape
     result = regions.copy()
     queue, way_m = np.empty((regions.size, 2), np.int64), np.zeros(regions.shape, np.float32)
@@ -106,10 +103,11 @@ def _flooded(
             row, column = v + dv, u + du
             if not (0 <= row < height and 0 <= column < width) or result[row, column]:
                 continue
-            if number[row, column] == 0 or number[row, column] != number[v, u]:
+            surface = number[row, column]
+            if surface == 0 or surface != number[v, u]:
                 continue
             length_m = way_m[v, u] + block_rad / inverse_depth[row, column]
-            if may_move[row, column] and length_m < REACH_M:
+            if length_m < REACH_M:
                 result[row, column], way_m[row, column] = True, length_m
                 queue[end, 0], queue[end, 1] = row, column
                 end += 1
