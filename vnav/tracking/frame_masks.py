@@ -87,8 +87,9 @@ class FrameMasks:
     what masks of later frames carry back to it.
     """
 
-    def __init__(self, config: Config) -> None:
-        self._config = config.masking
+    def __init__(self, config: Config, is_first: bool = True) -> None:
+        """If these are the first masks, keyframes are looked at again where nothing moved, too."""
+        self._config, self._is_first = config.masking, is_first
         self._mask = mask(config)
         self._views = ViewHistory()
         self._last: SeenFrame | None = None
@@ -144,7 +145,8 @@ class FrameMasks:
     def _look_again(self, seen: SeenFrame) -> None:
         """Mask by the views after, too; not where nothing moves for as long as it can see."""
         known = seen
-        if seen.is_keyframe or self._moved_s >= seen.stamp_s - self._config.window_s:
+        is_asked = seen.is_keyframe and self._is_first
+        if is_asked or self._moved_s >= seen.stamp_s - self._config.window_s:
             known = self._masked(seen, self._last_known)
             self._note(known)
         self._known.append((seen, known))

@@ -67,7 +67,7 @@ class SecondTracking:
     """Tracks frames again, round by round: better masks give better motions, and these masks."""
 
     def __init__(self, config: Config, first: FrameMasks) -> None:
-        masks = [first, *(FrameMasks(config) for _ in range(ROUNDS - 1))]
+        masks = [first, *(FrameMasks(config, is_first=False) for _ in range(ROUNDS - 1))]
         self._rounds = [(m, SecondTracker(config)) for m in masks]
         self.masks = masks[-1]  # that are final
 
