@@ -5,7 +5,7 @@ import numpy as np
 from tests.masking.moving_box import CAMERA
 from vnav.core.reduced_frame import ReducedFrame
 from vnav.masking.free_space import Votes
-from vnav.masking.regions import beside, completed, grown, large, opened
+from vnav.masking.regions import beside, bodies, completed, grown, large, opened
 from vnav.masking.view import PosedView
 
 SHAPE = (CAMERA.height, CAMERA.width)
@@ -47,6 +47,11 @@ def test_what_is_narrower_than_three_blocks_is_no_region() -> None:
 def test_small_regions_are_dropped_one_by_one() -> None:
     kept = large(blocks(np.s_[0:3, 0:4], np.s_[20:23, 20:23]), 12)
     assert np.array_equal(kept, blocks(np.s_[0:3, 0:4]))
+
+
+def test_a_region_below_six_thousandths_of_the_image_is_no_body() -> None:
+    speck, body = np.s_[0:4, 0:7], np.s_[20:25, 20:26]  # 28 and 30 of 4800 blocks
+    assert np.array_equal(bodies(blocks(speck, body)), blocks(body))
 
 
 def test_a_region_grows_over_its_body_and_stops_at_a_step_of_depth() -> None:

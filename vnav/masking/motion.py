@@ -16,7 +16,7 @@ from vnav.core.reduced_frame import BLOCK_PX, ReducedFrame
 from vnav.masking.background import Background
 from vnav.masking.carrying import SurfaceCarrier
 from vnav.masking.free_space import COARSE, Votes, count_votes
-from vnav.masking.regions import beside, completed, grown, joined, large, opened
+from vnav.masking.regions import beside, bodies, completed, grown, joined, large, opened
 from vnav.masking.view import MaskedView, PosedView, still
 from vnav.masking.warps import WARPS
 
@@ -64,9 +64,8 @@ class MotionMask:
         votes = self._votes(view, others)
         regions = large(opened(votes.free >= ENOUGH), self._min_blocks)
         moved_s = np.where(regions, np.float32(0), carried)
-        moving = np.isfinite(moved_s)
-        if not moving.any():
-            return moved_s
+        if not bodies(np.isfinite(moved_s)).any():
+            return still(view)
         moved_s = grown(moved_s, votes, view)
         changed = beside(np.isfinite(moved_s), opened(view.changed & (view.surfaces == 0)))
         return joined(moved_s, changed, view.surfaces)

@@ -14,7 +14,7 @@ from vnav.masking.free_space import Votes
 from vnav.masking.view import AROUND, Blocks, PosedView
 
 REACH_M = 1.0  # that a region grows by, along the surface
-LEAST_SHARE = 0.006  # of the image, that a region has which grows: smaller ones may be noise
+LEAST_SHARE = 0.006  # of the image, that a body has: regions that are smaller may be noise
 WHOLE = 1 / 3  # of a surface: where so much moves, all of it does
 MAX_SAME = 5  # views that see a surface where it is, for it to be part of what moves
 EDGE = 2  # blocks without depth beside a region that are its own: the sensor has none at edges
@@ -35,6 +35,11 @@ def large(blocks: Blocks, least: float) -> Blocks:
     return np.asarray(kept[labels])
 
 
+def bodies(regions: Blocks) -> Blocks:
+    """The connected regions that are no noise: a frame with none of these has no mask."""
+    return large(regions, LEAST_SHARE * regions.size)
+
+
 def beside(regions: Blocks, others: Blocks) -> Blocks:
     """Of other connected regions those that touch the given ones."""
     _, labels = cv2.connectedComponents(others.astype(np.uint8), connectivity=4)
@@ -49,10 +54,10 @@ def grown(moved_s: Floats, votes: Votes, view: PosedView) -> Floats:
     moves, floor or wall, unless a third of its surface moves.
     """
     may_move = (votes.same <= MAX_SAME) | (votes.free > 0)
-    bodies = large(np.isfinite(moved_s), LEAST_SHARE * moved_s.size)
+    grows = bodies(np.isfinite(moved_s))
     block_rad = 1 / view.frame.intrinsics.fx
-    number = np.where(may_move | bodies, view.surfaces, np.int32(0))
-    body = _flooded(bodies, number, view.frame.inverse_depth, block_rad)
+    number = np.where(may_move | grows, view.surfaces, np.int32(0))
+    body = _flooded(grows, number, view.frame.inverse_depth, block_rad)
     return completed(joined(moved_s, body, view.surfaces), view)
 
 
