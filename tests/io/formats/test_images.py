@@ -114,3 +114,10 @@ def test_what_is_no_image_is_named(path: Path, content: bytes) -> None:
 def test_a_missing_file_is_named(path: Path) -> None:
     with pytest.raises(CaptureError, match=f"expected an image at {path}"):
         read_image(path)
+
+
+def test_a_jpeg_of_nothing_but_fill_bytes_is_refused_without_asking_each_again(path: Path) -> None:
+    """Were each fill byte the start of a search to the end, a file of 8 MB would take weeks."""
+    path.write_bytes(b"\xff\xd8" + b"\xff" * 8_000_000)
+    with pytest.raises(CaptureError, match="truncated"):
+        image_size(path)

@@ -1,6 +1,7 @@
 import struct
 from pathlib import Path
 
+import pillow_heif
 import pytest
 
 from vnav.io.photos.exif import read_exif
@@ -72,11 +73,16 @@ def test_no_exif_and_damaged_exif_tell_nothing(tmp_path: Path, content: bytes) -
     assert read_exif(path).tags == {}
 
 
-def test_the_exif_of_heic_is_read_alike(tmp_path: Path) -> None:
-    """There it is an item of the file, which begins like that of a JPEG."""
-    jpeg = jpeg_with("<", [], [(0xA405, SHORT, (26,))])
-    tiff = jpeg[jpeg.index(b"Exif\0\0") :]
+def test_a_heic_file_tells_its_focal_length(tmp_path: Path) -> None:
+    tiff = jpeg_with("<", [], [(0xA405, SHORT, (26,))]).partition(b"Exif\0\0")[2][:-2]
     path = tmp_path / "photo.heic"
-    path.write_bytes(b"\0\0\0\x18ftypheic\0\0\0\0mif1heic" + b"\0\0\0\x06" + tiff)
-    diagonal = (4000**2 + 3000**2) ** 0.5
-    assert read_exif(path).focal_px(4000, 3000) == pytest.approx(26 * diagonal / 43.267, rel=1e-3)
+    image = pillow_heif.from_bytes("RGB", (64, 48), bytes(64 * 48 * 3))
+    image.info["exif"] = b"Exif\0\0" + tiff
+    image.save(path)
+    assert read_exif(path).focal_px(4000, 3000) == pytest.approx(26 / 43.267 * 5000)
+
+
+def test_a_heic_file_without_exif_tells_nothing(tmp_path: Path) -> None:
+    path = tmp_path / "photo.heic"
+    pillow_heif.from_bytes("RGB", (64, 48), bytes(64 * 48 * 3)).save(path)
+    assert read_exif(path).focal_px(4000, 3000) is None

@@ -3,6 +3,7 @@ from pathlib import Path
 
 import cv2
 import numpy as np
+import pillow_heif
 import pytest
 
 from vnav.errors import PhotoError
@@ -33,18 +34,16 @@ def test_without_the_library_what_to_install_is_told(
     broken: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setitem(sys.modules, "pillow_heif", None)
-    with pytest.raises(PhotoError, match=r"pip install vnav\[heic\]"):
+    with pytest.raises(PhotoError, match=r"pip install vnav-rgbd\[heic\]"):
         read_photo(broken)
 
 
 def test_a_broken_heic_photo_is_told(broken: Path) -> None:
-    pytest.importorskip("pillow_heif")
     with pytest.raises(PhotoError, match="whole HEIC"):
         read_photo(broken)
 
 
 def test_a_heic_photo_is_read(tmp_path: Path) -> None:
-    pillow_heif = pytest.importorskip("pillow_heif")
     image = np.zeros((64, 96, 3), np.uint8)
     image[:, 48:] = (250, 10, 20)
     path = tmp_path / "photo.heic"

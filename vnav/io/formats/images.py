@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from vnav.errors import CaptureError
 
 _PNG, _JPEG = b"\x89PNG\r\n\x1a\n", b"\xff\xd8\xff"
-_MARKER = re.compile(rb"\xff+[^\x00\xd0-\xd7\xff]")  # neither stuffing nor a restart
+_MARKER = re.compile(rb"\xff[^\x00\xd0-\xd7\xff]")  # neither stuffing nor a restart
 _SOS, _EOI = 0xDA, 0xD9
 _SOF = set(range(0xC0, 0xD0)) - {0xC4, 0xC8, 0xCC}
 

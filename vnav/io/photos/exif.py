@@ -4,7 +4,9 @@ import struct
 from dataclasses import dataclass
 from pathlib import Path
 
-EXIF_HEADER = b"Exif\0\0"
+from vnav.errors import PhotoError
+from vnav.io.photos.heic import EXIF_HEADER, heic_exif, is_heic
+
 EXIF_IFD = 0x8769
 FOCAL_MM, FOCAL_35MM = 0x920A, 0xA405
 PLANE_X_RESOLUTION, PLANE_UNIT = 0xA20E, 0xA210
@@ -41,16 +43,14 @@ class Exif:
 def read_exif(path: Path) -> Exif:
     """The EXIF of a JPEG or HEIC; empty for another format, for none and for damaged EXIF."""
     try:
-        tiff = _tiff(path.read_bytes())
+        tiff = heic_exif(path) if is_heic(path) else _tiff(path.read_bytes())
         return Exif(_tags(tiff) if tiff else {})
-    except (struct.error, IndexError, KeyError, ZeroDivisionError):
+    except (PhotoError, struct.error, IndexError, KeyError, ZeroDivisionError):
         return Exif({})
 
 
 def _tiff(data: bytes) -> bytes | None:
-    """The TIFF block in a JPEG's APP1 segment, or in a HEIC file."""
-    if data[4:8] == b"ftyp":
-        return data.partition(EXIF_HEADER)[2] or None
+    """The TIFF block in a JPEG's APP1 segment."""
     at = 2
     if not data.startswith(b"\xff\xd8"):
         return None

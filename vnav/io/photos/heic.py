@@ -1,12 +1,15 @@
 """HEIC, as phones write it: read by pillow-heif, which is optional."""
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from vnav.errors import PhotoError
 
+EXIF_HEADER = b"Exif\0\0"
+DAMAGED = (OSError, ValueError, RuntimeError, EOFError)  # what pillow-heif raises
 BRANDS = (b"heic", b"heix", b"hevc", b"heim", b"heis", b"mif1", b"msf1")
 
 
@@ -26,14 +29,27 @@ def read_heic(path: Path) -> NDArray[np.uint8]:
     PhotoError for a damaged file, and where pillow-heif is not installed.
     """
     try:
+        image = _opened(path).to_pillow().convert("RGB")
+    except DAMAGED as error:
+        raise PhotoError(f"expected a whole HEIC image in {path}, found: {error}") from error
+    return np.array(image, np.uint8)
+
+
+def heic_exif(path: Path) -> bytes:
+    """The TIFF block of a HEIC file's EXIF, empty where it has none; PhotoError as `read_heic`."""
+    exif: bytes = _opened(path).info.get("exif") or b""
+    return exif.removeprefix(EXIF_HEADER)
+
+
+def _opened(path: Path) -> Any:
+    try:
         import pillow_heif
     except ImportError as error:
         raise PhotoError(
             f"expected pillow-heif to read {path}, which is HEIC, found it not installed; run"
-            " 'pip install vnav[heic]', or convert the photo to JPEG"
+            " 'pip install vnav-rgbd[heic]', or convert the photo to JPEG"
         ) from error
     try:
-        image = pillow_heif.read_heif(path).to_pillow().convert("RGB")
-    except (OSError, ValueError, RuntimeError, EOFError) as error:
+        return pillow_heif.open_heif(path)
+    except DAMAGED as error:
         raise PhotoError(f"expected a whole HEIC image in {path}, found: {error}") from error
-    return np.array(image, np.uint8)
