@@ -99,4 +99,4 @@ def built(folder: Path, capture: Path, poses: Path | None = None) -> MapFolder:
 
 def command(*arguments: object) -> list[str]:
     """`vnav` with these arguments, as a process."""
-    return [sys.executable, "-P", "-m", "vnav.cli.main", *map(str, arguments)]
+    return [sys.executable, "-P", "-m", "vnav", *map(str, arguments)]

@@ -121,7 +121,7 @@ def open3d_ms(capture: Capture) -> Times:
 
 def build(capture: Path, folder: Path) -> Reports:
     """Reports of a fresh map, by stage; "map" is the whole."""
-    command = [sys.executable, "-P", "-m", "vnav.cli.main", "build-map", capture, "--map", folder]
+    command = [sys.executable, "-P", "-m", "vnav", "build-map", capture, "--map", folder]
     subprocess.run(command, check=True, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
     reports = folder / "reports"
     return {s: json.loads((reports / f"{s}.json").read_text("utf-8")) for s in (*STAGES, "map")}

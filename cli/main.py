@@ -1,6 +1,5 @@
 """The entry point: one lazy group, and the one place that catches VnavError."""
 
-import sys
 from importlib import import_module
 
 import click
@@ -70,7 +69,3 @@ def main() -> int:
         click.echo("vnav: interrupted; what was finished is kept", err=True)
         return 130
     return result if isinstance(result, int) else 0
-
-
-if __name__ == "__main__":
-    sys.exit(main())

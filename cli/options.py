@@ -52,7 +52,7 @@ def batch_options(command: Command) -> Command:
             "--scheduler",
             metavar="ADDRESS",
             default="",
-            help="Send the work to a Dask cluster, like tcp://host:8786; needs vnav[cluster].",
+            help="Send the work to a Dask cluster, like tcp://host:8786; needs vnav-rgbd[cluster].",
         ),
         click.option(
             "--jobs",

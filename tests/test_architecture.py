@@ -14,6 +14,7 @@ ROOT = Path(__file__).parent.parent
 
 # From the top down: a module imports from levels below its own; siblings do not import each other.
 LEVELS = (
+    {"__main__"},
     {"cli"},
     {"api"},
     {"batch", "doctor", "synthetic"},

@@ -148,3 +148,12 @@ def test_every_module_that_cites_a_step_or_its_package_is_named_by_the_method() 
     named = {p.rstrip("/") for p in PATH.findall((ROOT / "docs/method.md").read_text("utf-8"))}
     for module in _cited():
         assert named & {module, *map(str, Path(module).parents)}, module
+
+
+def test_nobody_is_told_to_install_the_vnav_of_somebody_else() -> None:
+    """Ours is called otherwise on the package index."""
+    texts = [*ROOT.glob("*.md"), *DOCS, *ROOT.glob("*/**/*.py"), ROOT / "Makefile"]
+    kept = [path for path in texts if not {".venv", "tests", "build"} & set(path.parts)]
+    told = re.compile(r"(?:pip|uv|pipx|uvx)\s+(?:install|add)[^`\n]*[\s'\"]vnav(?![\w-])")
+    assert len(kept) > 100
+    assert not [path for path in kept if told.search(path.read_text("utf-8"))]

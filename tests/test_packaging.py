@@ -23,7 +23,7 @@ def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
     pip = [sys.executable, "-m", "pip", "--quiet", "--disable-pip-version-check"]
     build = ["wheel", "--no-deps", "--no-build-isolation", "--wheel-dir", wheels, source]
     subprocess.run([*pip, *build], check=True)
-    (wheel,) = wheels.glob("vnav-*.whl")
+    (wheel,) = wheels.glob("vnav_rgbd-*.whl")
     subprocess.run([*pip, "install", "--no-deps", "--target", site, wheel], check=True)
     return site
 

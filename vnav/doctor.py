@@ -127,7 +127,7 @@ def _requirement(distribution: str) -> str:
     """What vnav asks for of a library, with its bounds."""
     name = SMALLER_BUILDS.get(distribution, distribution)
     try:
-        wanted = metadata.requires("vnav") or []
+        wanted = metadata.requires("vnav-rgbd") or []
     except metadata.PackageNotFoundError:
         wanted = []
     return next((line.partition(";")[0] for line in wanted if line.startswith(name)), name)

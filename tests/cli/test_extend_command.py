@@ -93,7 +93,7 @@ def test_a_kill_in_the_middle_leaves_the_map_as_it_was(
 ) -> None:
     root = Path(shutil.copytree(whole_map, tmp_path / "map"))
     draft = tmp_path / ".map.draft"
-    command = [sys.executable, "-m", "vnav.cli.main", "extend", str(root), str(other_capture)]
+    command = [sys.executable, "-m", "vnav", "extend", str(root), str(other_capture)]
     process = subprocess.Popen(command, stderr=subprocess.DEVNULL, cwd=tmp_path)
     while process.poll() is None and not (draft / "odometry").is_dir():
         time.sleep(0.01)

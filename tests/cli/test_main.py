@@ -62,7 +62,7 @@ def test_wrong_usage_exits_with_2(
 
 
 def vnav(*arguments: str, cwd: Path) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, "-m", "vnav.cli.main", *arguments]
+    command = [sys.executable, "-m", "vnav", *arguments]
     return subprocess.run(command, cwd=cwd, text=True, capture_output=True, check=False)
 
 

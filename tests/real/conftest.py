@@ -53,7 +53,7 @@ def vnav(tmp_path_factory: pytest.TempPathFactory) -> Vnav:
     def run(
         *arguments: object, expected: tuple[int, ...] = (0,), **environment: str
     ) -> subprocess.CompletedProcess[str]:
-        command = [sys.executable, "-m", "vnav.cli.main", *map(str, arguments)]
+        command = [sys.executable, "-m", "vnav", *map(str, arguments)]
         done = subprocess.run(
             command, cwd=cwd, env=os.environ | environment, text=True, capture_output=True
         )

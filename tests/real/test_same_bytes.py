@@ -100,7 +100,7 @@ def test_the_house_is_the_same_after_a_kill_in_each_stage(
 
 def _killed(capture: Path, folder: Path, is_due: Callable[[float], bool]) -> int:
     """Exit code of a build that is killed when its time has come."""
-    command = [sys.executable, "-m", "vnav.cli.main", "build-map", capture, "--map", folder]
+    command = [sys.executable, "-m", "vnav", "build-map", capture, "--map", folder]
     started = time.monotonic()
     process = subprocess.Popen(command, cwd=folder.parent, stderr=subprocess.DEVNULL)
     while process.poll() is None and not is_due(time.monotonic() - started):

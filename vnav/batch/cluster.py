@@ -52,7 +52,8 @@ def _client(scheduler: str) -> Any:
         from distributed import Client
     except ImportError as error:
         raise ConfigError(
-            "expected Dask for --scheduler, found none; install it with pip install 'vnav[cluster]'"
+            "expected Dask for --scheduler, found none; install it with"
+            " pip install 'vnav-rgbd[cluster]'"
         ) from error
     try:
         client = Client(scheduler, timeout=PATIENCE_S)

@@ -1,0 +1,7 @@
+"""``python -m vnav``: the command line."""
+
+import sys
+
+from vnav.cli.main import main
+
+sys.exit(main())
