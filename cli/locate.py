@@ -74,6 +74,7 @@ def locate(
     require_one_way(jobs, scheduler)
     mapped, resolved = open_map(map_dir), config.load(config_source, settings)
     paths, alone = find_photos(photos), len(photos) == 1 and not photos[0].is_dir()
+    pictures = _pictures(paths, overlay, alone) if overlay else {}
     answers: Answers
     if alone:
         answers = [mapped.locate(paths[0], camera=camera, config=resolved, remember=True)]
@@ -88,8 +89,7 @@ def locate(
         )
         answers = list(found)
     _tell(answers, as_json, alone)
-    if overlay:
-        _draw(mapped, answers, overlay, alone)
+    _draw(mapped, answers, pictures)
     if csv_file:
         write_csv(csv_file, answers)
     return _exit_code(answers)
@@ -109,13 +109,30 @@ def _tell(answers: "Answers", as_json: bool, alone: bool) -> None:
             warn(warning)
 
 
-def _draw(mapped: "Map", answers: "Answers", overlay: Path, alone: bool) -> None:
-    """A picture of each photo that could be read: the file, or files in the folder of that name."""
+def _pictures(photos: Sequence[Path], overlay: Path, alone: bool) -> dict[Path, Path]:
+    """Which file each photo is drawn into, no photo among them; UsageError where that cannot be."""
+    if alone and not overlay.is_dir():
+        return {photos[0]: overlay}
+    if overlay.is_file() or overlay.suffix.lower() in (".jpg", ".jpeg", ".png"):
+        raise click.UsageError(f"expected a folder with --overlay for several photos: {overlay}")
+    names, taken = {photo.resolve() for photo in photos}, dict[Path, Path]()
+    for photo in photos:
+        number, path = 1, overlay / f"{photo.stem}.jpg"
+        while path.resolve() in names:
+            number += 1
+            path = overlay / f"{photo.stem}-{number}.jpg"
+        names.add(path.resolve())
+        taken[photo] = path
+    return taken
+
+
+def _draw(mapped: "Map", answers: "Answers", pictures: dict[Path, Path]) -> None:
+    """A picture of each photo that could be read."""
     from vnav.localisation.verdict.answer import PhotoAnswer
 
     for answer in answers:
-        if isinstance(answer, PhotoAnswer):
-            mapped.draw_photo(answer, overlay if alone else overlay / f"{answer.path.stem}.jpg")
+        if isinstance(answer, PhotoAnswer) and answer.path in pictures:
+            mapped.draw_photo(answer, pictures[answer.path])
 
 
 def _exit_code(answers: "Answers") -> int:

@@ -1,5 +1,8 @@
 """The entry point: one lazy group, and the one place that catches VnavError."""
 
+import os
+import sys
+from contextlib import suppress
 from importlib import import_module
 
 import click
@@ -55,10 +58,25 @@ def cli() -> None:
     """Map a place from RGB-D frames, find a photo in it, plan a path to another photo."""
 
 
+def _close_stdout() -> None:
+    """What is still to be written there has nowhere to go, and shall not say so at the end."""
+    with suppress(OSError):  # it is no file
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+
+
 def main() -> int:
-    """Run the command line; exit code 0, 1 (VnavError), 2 (usage) or 3 (the answer is no)."""
+    """Run the command line; exit code 0, 1 (VnavError, OSError), 2 (usage) or 3 (answer: no)."""
     try:
         result = cli.main(standalone_mode=False)
+        sys.stdout.flush()
+    except BrokenPipeError:  # whoever read has enough; so does click end
+        _close_stdout()
+        return 1
+    except OSError as error:
+        _close_stdout()
+        where = f"{error.filename}: " if error.filename else ""
+        click.echo(f"vnav: {where}{error.strerror}; what was finished is kept", err=True)
+        return 1
     except VnavError as error:
         click.echo(f"vnav: {error}", err=True)
         return 1

@@ -1,7 +1,9 @@
 """Fixtures that several parts' tests share; made once a session, read-only."""
 
+import shutil
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass, field
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
@@ -14,6 +16,8 @@ if TYPE_CHECKING:
     from vnav.core.frame import Frame
     from vnav.core.mapping import Odometry
     from vnav.io.store.map_folder import MapFolder
+
+    Altering = Callable[[MapFolder, str], AbstractContextManager[Path]]
 
 
 @pytest.fixture(scope="session")
@@ -289,3 +293,27 @@ def cluster(importable: Path) -> Iterator[Any]:
         n_workers=2, threads_per_worker=1, dashboard_address=None, silence_logs=50
     ) as cluster:
         yield cluster
+
+
+@contextmanager
+def _altering(folder: "MapFolder", stage: str) -> Iterator[Path]:
+    from vnav.io.store.map_folder import STAGES
+
+    for name in STAGES[STAGES.index(stage) :]:
+        record = folder.recorded(name)
+        if not record:
+            continue
+        made_of = [known for known in record["inputs"] if known in STAGES]
+        with folder.writing(
+            name, record["settings"], record["inputs"] | folder.inputs_of(*made_of)
+        ) as draft:
+            shutil.copytree(folder.root / name, draft, dirs_exist_ok=True)
+            (draft / "stage.json").unlink()
+            if name == stage:
+                yield draft
+
+
+@pytest.fixture
+def altering() -> "Altering":
+    """Files of a finished stage are changed in a block, as if the stage had written them so."""
+    return _altering

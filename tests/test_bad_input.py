@@ -120,11 +120,7 @@ def test_a_map_of_another_format_is_left_alone(vnav: Vnav, capture: Path) -> Non
 
 
 def test_a_map_of_another_capture_is_left_alone(vnav: Vnav, capture: Path) -> None:
-    folder = capture.parent / "map"
-    folder.mkdir()
-    (folder / "map.json").write_text(
-        f'{{"format": {FORMAT}, "captures": [{{"id": 0, "name": "other"}}]}}\n'
-    )
+    MapFolder.create(capture.parent / "map").set_captures([{"id": 0, "name": "other"}])
     said = fails(vnav, capture)
     assert "expected other" in said
     assert "--fresh" in said

@@ -8,6 +8,7 @@ from click.testing import CliRunner, Result
 
 from vnav.cli.main import cli
 from vnav.io.store.map_folder import MapFolder
+from vnav.io.store.map_lock import only_writer
 
 SAME = ("--set", "features.max_features=700")  # as whole_map was made
 
@@ -48,6 +49,13 @@ def test_one_capture_gets_the_map_that_is_named(tiny_capture: Path, maps: Path) 
     result = run(tiny_capture, "--map", maps / "miniature", *SAME)
     assert result.return_value == 0
     assert "(up to date)" in result.stdout
+
+
+def test_a_map_that_somebody_writes_is_left_to_him(tiny_capture: Path, maps: Path) -> None:
+    with only_writer(maps / "miniature"):
+        result = run(tiny_capture, "--map", maps / "miniature", *SAME)
+    assert result.return_value == 1
+    assert "expected to be the only one who writes the map" in result.stderr
 
 
 @pytest.mark.parametrize("options", [[], ["--maps", "maps"]])

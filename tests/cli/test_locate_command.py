@@ -6,6 +6,7 @@ import subprocess
 import sys
 from pathlib import Path
 
+import click
 import cv2
 import numpy as np
 import pytest
@@ -13,7 +14,7 @@ from click.testing import CliRunner, Result
 
 from vnav.api.locate_many import shares
 from vnav.cli.main import cli
-from vnav.errors import CameraError, MapError, PhotoError
+from vnav.errors import CameraError, MapError, PhotoError, VnavError
 from vnav.io.store.map_folder import MapFolder
 
 
@@ -106,6 +107,43 @@ def test_csv_and_overlays_are_written(indexed: Path, photos: Path, tmp_path: Pat
     names = sorted(path.name for path in photos.glob("*.jpg"))
     assert len(table.read_text().splitlines()) == 1 + len(names)
     assert sorted(path.name for path in drawn.iterdir()) == names
+
+
+def test_no_picture_takes_the_place_of_a_photo_or_of_another(
+    indexed: Path, photos: Path, tmp_path: Path
+) -> None:
+    own, others = tmp_path / "own", tmp_path / "others"
+    for folder in (own, others):
+        folder.mkdir()
+        shutil.copy(first_of(photos), folder / "a.jpg")
+        shutil.copy(photos / "camera.toml", folder)
+    run(own / "a.jpg", others / "a.jpg", "--map", indexed, "--overlay", own)
+    assert {path.name for path in own.glob("*.jpg")} == {"a.jpg", "a-2.jpg", "a-3.jpg"}
+    assert (own / "a.jpg").read_bytes() == first_of(photos).read_bytes()
+
+
+def test_one_photo_is_drawn_into_a_folder_that_is_there(
+    indexed: Path, photos: Path, tmp_path: Path
+) -> None:
+    run(first_of(photos), "--map", indexed, "--overlay", tmp_path)
+    assert (tmp_path / first_of(photos).name).is_file()
+
+
+def test_a_photo_is_not_drawn_into_its_own_file(
+    indexed: Path, photos: Path, tmp_path: Path
+) -> None:
+    photo = Path(shutil.copy(first_of(photos), tmp_path / "a.jpg"))
+    with pytest.raises(VnavError, match="another file for the picture than its photo"):
+        run(photo, "--map", indexed, "--overlay", photo)
+    assert photo.read_bytes() == first_of(photos).read_bytes()
+
+
+def test_several_photos_are_drawn_into_a_folder_not_into_a_picture(
+    indexed: Path, photos: Path, tmp_path: Path
+) -> None:
+    with pytest.raises(click.UsageError, match="expected a folder with --overlay"):
+        run(photos, "--map", indexed, "--overlay", tmp_path / "x.png")
+    assert not (tmp_path / "x.png").exists()
 
 
 def test_photos_shared_out_among_processes_have_the_same_answers(

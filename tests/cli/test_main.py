@@ -1,3 +1,4 @@
+import errno
 import subprocess
 import sys
 from pathlib import Path
@@ -42,6 +43,15 @@ def test_an_error_a_user_can_mend_is_one_line_on_stderr_and_exits_with_1(
     assert capsys.readouterr() == ("", "vnav: expected a map, found none\n")
 
 
+def test_an_error_of_the_system_is_one_line_on_stderr_and_exits_with_1(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    full = OSError(errno.ENOSPC, "No space left on device", "/mnt/table.csv")
+    assert run(monkeypatch, full) == 1
+    said = "vnav: /mnt/table.csv: No space left on device; what was finished is kept\n"
+    assert capsys.readouterr() == ("", said)
+
+
 def test_a_bug_keeps_its_traceback(monkeypatch: pytest.MonkeyPatch) -> None:
     with pytest.raises(ZeroDivisionError):
         run(monkeypatch, ZeroDivisionError())
@@ -59,6 +69,21 @@ def test_wrong_usage_exits_with_2(
 ) -> None:
     assert run(monkeypatch, None, "--no-such-option") == 2
     assert "--no-such-option" in capsys.readouterr().err
+
+
+def test_a_full_device_on_stdout_is_told_once(tmp_path: Path) -> None:
+    command = [sys.executable, "-m", "vnav", "config"]
+    with Path("/dev/full").open("w") as full:
+        done = subprocess.run(command, cwd=tmp_path, stdout=full, stderr=subprocess.PIPE, text=True)
+    assert done.returncode == 1
+    assert done.stderr == "vnav: No space left on device; what was finished is kept\n"
+
+
+def test_a_reader_who_has_enough_is_no_error(tmp_path: Path) -> None:
+    command = f"set -o pipefail; {sys.executable} -m vnav config | head -1"
+    done = subprocess.run(["bash", "-c", command], cwd=tmp_path, text=True, capture_output=True)
+    assert (done.returncode, done.stderr) in ((0, ""), (1, ""))
+    assert done.stdout.count("\n") == 1
 
 
 def vnav(*arguments: str, cwd: Path) -> subprocess.CompletedProcess[str]:

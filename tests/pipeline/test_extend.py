@@ -3,6 +3,8 @@
 import dataclasses
 import hashlib
 import shutil
+from collections.abc import Callable
+from contextlib import AbstractContextManager
 from pathlib import Path
 
 import numpy as np
@@ -206,9 +208,14 @@ def test_features_of_another_kind_are_refused(folder: MapFolder, other: Capture)
     assert_refused(folder, other, ConfigError, r"other settings of \[features\]", **changes)
 
 
-def test_a_map_at_given_poses_is_refused(folder: MapFolder, other: Capture) -> None:
+def test_a_map_at_given_poses_is_refused(
+    folder: MapFolder,
+    other: Capture,
+    altering: Callable[[MapFolder, str], AbstractContextManager[Path]],
+) -> None:
     odometry = dataclasses.replace(load_odometry(folder), given=True)
-    save_odometry(folder.root / "odometry", odometry)
+    with altering(folder, "odometry") as draft:
+        save_odometry(draft, odometry)
     assert_refused(folder, other, MapError, "found one built on given poses")
 
 

@@ -2,6 +2,8 @@
 
 import dataclasses
 import shutil
+from collections.abc import Callable
+from contextlib import AbstractContextManager
 from pathlib import Path
 
 import numpy as np
@@ -23,6 +25,7 @@ from vnav.pipeline.build import judged
 from vnav.pipeline.quality import assess
 from vnav.stages import optimise
 
+Altering = Callable[[MapFolder, str], AbstractContextManager[Path]]
 CONFIG = Config(features=FeaturesConfig(max_features=700))  # that of the map that is copied
 
 
@@ -39,25 +42,29 @@ def test_a_map_that_agrees_with_itself_is_good(folder: MapFolder) -> None:
     assert quality.values["revisits"] > 5  # the walk ends where it began
 
 
-def slipped(folder: MapFolder) -> None:
+def slipped(folder: MapFolder, altering: Altering) -> None:
     """The second half of the map's frames is moved aside."""
     result = load_optimised(folder)
     poses = result.T_world_camera.copy()
     poses[len(poses) // 2 :, :2, 3] += 0.3
-    save_optimised(folder.stage("optimise"), dataclasses.replace(result, T_world_camera=poses))
+    with altering(folder, "optimise") as draft:
+        save_optimised(draft, dataclasses.replace(result, T_world_camera=poses))
 
 
-def turn_down(folder: MapFolder, share: float) -> None:
+def turn_down(folder: MapFolder, altering: Altering, share: float) -> None:
     """Mark a share of the accepted loops as if the pose graph had turned them down."""
     verdicts = list(load_loops(folder))
     accepted = [n for n, v in enumerate(verdicts) if v.accepted]
     for n in accepted[: round(share * len(accepted))]:
         verdicts[n] = dataclasses.replace(verdicts[n], accepted=False, reason=CONTRADICTS)
-    save_verdicts(folder.stage("optimise"), verdicts)
+    with altering(folder, "optimise") as draft:
+        save_verdicts(draft, verdicts)
 
 
-def test_a_map_whose_second_half_has_slipped_is_doubtful(folder: MapFolder) -> None:
-    slipped(folder)
+def test_a_map_whose_second_half_has_slipped_is_doubtful(
+    folder: MapFolder, altering: Altering
+) -> None:
+    slipped(folder, altering)
 
     quality = assess(folder, CONFIG)
 
@@ -65,17 +72,21 @@ def test_a_map_whose_second_half_has_slipped_is_doubtful(folder: MapFolder) -> N
     assert "see one place again disagree" in quality.doubts[0]
 
 
-def test_a_map_that_turned_down_loops_which_fit_the_images_is_doubtful(folder: MapFolder) -> None:
-    slipped(folder)
-    turn_down(folder, 1.0)
+def test_a_map_that_turned_down_loops_which_fit_the_images_is_doubtful(
+    folder: MapFolder, altering: Altering
+) -> None:
+    slipped(folder, altering)
+    turn_down(folder, altering, 1.0)
 
     doubts = assess(folder, CONFIG).doubts
 
     assert any("loops contradict the map and fit the images better" in doubt for doubt in doubts)
 
 
-def test_loops_turned_down_that_fit_the_images_no_better_are_no_doubt(folder: MapFolder) -> None:
-    turn_down(folder, 0.9)  # they say what the map says
+def test_loops_turned_down_that_fit_the_images_no_better_are_no_doubt(
+    folder: MapFolder, altering: Altering
+) -> None:
+    turn_down(folder, altering, 0.9)  # they say what the map says
 
     quality = assess(folder, CONFIG)
 
@@ -84,11 +95,14 @@ def test_loops_turned_down_that_fit_the_images_no_better_are_no_doubt(folder: Ma
     assert quality.values["loops_contradicting"] == 0
 
 
-def test_a_step_that_does_not_fit_the_images_makes_a_map_doubtful(folder: MapFolder) -> None:
+def test_a_step_that_does_not_fit_the_images_makes_a_map_doubtful(
+    folder: MapFolder, altering: Altering
+) -> None:
     result, rows = load_optimised(folder), load_odometry(folder).keyframe_rows
     poses = result.T_world_camera.copy()
     poses[rows[-1], :2, 3] += 0.3
-    save_optimised(folder.stage("optimise"), dataclasses.replace(result, T_world_camera=poses))
+    with altering(folder, "optimise") as draft:
+        save_optimised(draft, dataclasses.replace(result, T_world_camera=poses))
 
     doubts = assess(folder, CONFIG).doubts
 
@@ -97,25 +111,28 @@ def test_a_step_that_does_not_fit_the_images_makes_a_map_doubtful(folder: MapFol
     assert any(f"{of}, {where}" in doubt for doubt in doubts)
 
 
-def doubt_motions(folder: MapFolder, rows: set[int]) -> None:
+def doubt_motions(folder: MapFolder, altering: Altering, rows: set[int]) -> None:
     """Make all edges into some frames unlikely."""
     odometry = load_odometry(folder)
     edges = tuple(
         dataclasses.replace(e, probability=0.3) if e.j in rows else e for e in odometry.edges
     )
-    save_odometry(folder.stage("odometry"), dataclasses.replace(odometry, edges=edges))
+    with altering(folder, "odometry") as draft:
+        save_odometry(draft, dataclasses.replace(odometry, edges=edges))
 
 
-def test_frames_none_of_whose_motions_is_likely_are_named(folder: MapFolder) -> None:
-    doubt_motions(folder, {7, 9})
+def test_frames_none_of_whose_motions_is_likely_are_named(
+    folder: MapFolder, altering: Altering
+) -> None:
+    doubt_motions(folder, altering, {7, 9})
 
     (doubt,) = assess(folder, CONFIG).doubts
 
     assert "the motion of 2 frames is in doubt, within frames 7 to 9;" in doubt
 
 
-def test_one_such_frame_alone_is_no_doubt(folder: MapFolder) -> None:
-    doubt_motions(folder, {7})
+def test_one_such_frame_alone_is_no_doubt(folder: MapFolder, altering: Altering) -> None:
+    doubt_motions(folder, altering, {7})
 
     quality = assess(folder, CONFIG)
 
@@ -123,13 +140,14 @@ def test_one_such_frame_alone_is_no_doubt(folder: MapFolder) -> None:
     assert quality.values["motions_unsure"] == 1
 
 
-def test_one_likely_motion_is_enough_for_a_frame(folder: MapFolder) -> None:
+def test_one_likely_motion_is_enough_for_a_frame(folder: MapFolder, altering: Altering) -> None:
     odometry = load_odometry(folder)
     edges = list(odometry.edges)
     into = [e.j for e in edges]
     for first in {into.index(j) for j in into if into.count(j) > 1}:
         edges[first] = dataclasses.replace(edges[first], probability=0.1)
-    save_odometry(folder.stage("odometry"), dataclasses.replace(odometry, edges=tuple(edges)))
+    with altering(folder, "odometry") as draft:
+        save_odometry(draft, dataclasses.replace(odometry, edges=tuple(edges)))
 
     assert assess(folder, CONFIG).values["motions_unsure"] == 0
 
@@ -147,10 +165,11 @@ def test_a_verdict_is_on_the_map_as_it_was_judged(folder: MapFolder) -> None:
     assert overview(folder)["quality"] is None
 
 
-def test_poses_that_are_nowhere_are_not_compared(folder: MapFolder) -> None:
+def test_poses_that_are_nowhere_are_not_compared(folder: MapFolder, altering: Altering) -> None:
     result = load_optimised(folder)
     poses = result.T_world_camera.copy()
     poses[len(poses) // 2 :] = np.nan
-    save_optimised(folder.stage("optimise"), dataclasses.replace(result, T_world_camera=poses))
+    with altering(folder, "optimise") as draft:
+        save_optimised(draft, dataclasses.replace(result, T_world_camera=poses))
 
     assert assess(folder, CONFIG).values["revisits"] == 0

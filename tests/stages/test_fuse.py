@@ -4,6 +4,8 @@ import json
 import shutil
 import subprocess
 import sys
+from collections.abc import Callable
+from contextlib import AbstractContextManager
 from dataclasses import replace
 from pathlib import Path
 
@@ -46,15 +48,19 @@ def true_states_near(grid: Grid, truth: Grid, cells: np.ndarray, reach: int) -> 
 
 
 def test_late_depth_is_fused_from_where_the_camera_was_by_then(
-    fused_map: Path, tmp_path: Path
+    fused_map: Path,
+    tmp_path: Path,
+    altering: Callable[[MapFolder, str], AbstractContextManager[Path]],
 ) -> None:
     """A whole frame late: from where the next frame was, but for how much faster that moves."""
     shutil.copytree(fused_map, tmp_path / "map", ignore=shutil.ignore_patterns("fuse", "index"))
     folder = MapFolder(tmp_path / "map")
     odometry, result = artifacts.load_odometry(folder), artifacts.load_optimised(folder)
     frames = replace(odometry.frames, stamp_s=0.05 * np.arange(len(odometry.frames)))
-    artifacts.save_odometry(folder.root / "odometry", replace(odometry, frames=frames))
-    artifacts.save_optimised(folder.root / "optimise", replace(result, depth_delay_s=0.05))
+    with altering(folder, "odometry") as draft:
+        artifacts.save_odometry(draft, replace(odometry, frames=frames))
+    with altering(folder, "optimise") as draft:
+        artifacts.save_optimised(draft, replace(result, depth_delay_s=0.05))
     rows, poses = odometry.keyframe_rows[:-1], result.T_world_camera
     found = np.array([view.T_world_camera for view in fuse.PosedFrames(folder)])[: len(rows)]
     off_m = np.linalg.norm(found[:, :3, 3] - poses[rows + 1, :3, 3], axis=1)

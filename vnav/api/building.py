@@ -20,6 +20,8 @@ from vnav.core.progress import Progress, silent
 from vnav.core.report import Failed, Report
 from vnav.io.sources.capture import Capture
 from vnav.io.store.map_folder import MapFolder
+from vnav.io.store.map_lock import only_writer
+from vnav.io.store.replacement import draft_of
 from vnav.pipeline.build import BuiltMap, build, expect_capture
 
 
@@ -72,11 +74,12 @@ def build_map(
     settings = config_of(config)
     source = capture_of(capture, settings, camera)
     given = None if trajectory is None else trajectory_of(trajectory)
-    folder = Path(map_dir)
-    built = build(
-        source, folder, settings, given=given, fresh=fresh, force=force, progress=progress
-    )
-    return _drawn(folder, built)
+    root = Path(map_dir)
+    with only_writer(root):
+        built = build(
+            source, root, settings, given=given, fresh=fresh, force=force, progress=progress
+        )
+        return _drawn(root, built)
 
 
 def build_maps(
@@ -128,7 +131,9 @@ def extend_map(
     folder = MapFolder.open(Path(map_dir))
     settings = made_with(folder) if config is None else config_of(config)
     source = capture_of(capture, settings, camera)
-    return _drawn(folder.root, extend(folder, source, settings, force=force, progress=progress))
+    with only_writer(folder.root), only_writer(draft_of(folder)):
+        built = extend(folder, source, settings, force=force, progress=progress)
+        return _drawn(folder.root, built)
 
 
 def track_capture(
@@ -146,9 +151,10 @@ def track_capture(
     settings = config_of(config)
     source = capture_of(capture, settings, camera)
     given = None if trajectory is None else trajectory_of(trajectory)
-    folder = MapFolder.create(Path(map_dir))
-    expect_capture(folder, source)
-    return odometry.run(folder, source, settings, given=given, progress=progress)
+    with only_writer(Path(map_dir)):
+        folder = MapFolder.create(Path(map_dir))
+        expect_capture(folder, source)
+        return odometry.run(folder, source, settings, given=given, progress=progress)
 
 
 def run_stage(
@@ -161,11 +167,13 @@ def run_stage(
     """Run one of the stages after odometry on a map that exists, up to date or not."""
     settings, root = config_of(config), Path(map_dir)
     MapFolder.open(root)
-    folder = MapFolder.create(root)
-    report: Report = import_module(f"vnav.stages.{stage}").run(folder, settings, progress=progress)
-    if stage == "fuse":
-        _draw(folder)
-    return report
+    with only_writer(root):
+        folder = MapFolder.create(root)
+        module = import_module(f"vnav.stages.{stage}")
+        report: Report = module.run(folder, settings, progress=progress)
+        if stage == "fuse":
+            _draw(folder)
+        return report
 
 
 def _drawn(root: Path, built: BuiltMap) -> Map:

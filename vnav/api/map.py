@@ -61,15 +61,15 @@ class Map:
 
     def trajectory(self, capture: int = 0) -> Trajectory:
         """Final poses of a capture's tracked frames; StaleArtifact where there are none yet."""
-        from vnav.io.formats.trajectories import read_tum
+        from vnav.io.store.artifacts import load_trajectory
 
-        path = self._folder.stage("optimise") / f"trajectory_{capture}.tum"
-        if not path.is_file():
+        self._folder.stage("optimise")
+        if f"trajectory_{capture}.tum" not in self._folder.files("optimise"):
             count = len(self._folder.captures)
             raise MapError(
                 f"expected a capture from 0 to {count - 1} of {self.root}, found {capture}"
             )
-        return read_tum(path)
+        return load_trajectory(self._folder, capture)
 
     def landmarks(self) -> Landmarks:
         """3D points of the map, and which keyframes saw them."""
@@ -79,21 +79,21 @@ class Map:
 
     def cloud(self) -> PointCloud:
         """The filtered, coloured cloud."""
-        from vnav.io.formats.ply import read_cloud
+        from vnav.io.store.artifacts import load_cloud
 
-        return read_cloud(self._folder.stage("fuse") / "cloud.ply")
+        return load_cloud(self._folder)
 
     def mesh(self) -> Mesh:
         """The coloured surface."""
-        from vnav.io.formats.ply import read_mesh
+        from vnav.io.store.artifacts import load_mesh
 
-        return read_mesh(self._folder.stage("fuse") / "mesh.ply")
+        return load_mesh(self._folder)
 
     def grid(self) -> Grid:
         """The grid of free, occupied and unknown floor."""
-        from vnav.io.formats.grid_files import read_grid
+        from vnav.io.store.artifacts import load_grid
 
-        return read_grid(self._folder.stage("fuse") / "grid.yaml")
+        return load_grid(self._folder)
 
     def config(self) -> Config:
         """The settings that the map was made with; StaleArtifact where it is not finished."""

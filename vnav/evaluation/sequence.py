@@ -23,10 +23,9 @@ from vnav.errors import CaptureError
 from vnav.evaluation import relocalisation
 from vnav.evaluation.score import score
 from vnav.io.datasets.suite_file import Entry, SequenceFiles, Suite, files_of
-from vnav.io.formats.trajectories import read_tum
 from vnav.io.sources.capture import FileBacked
 from vnav.io.sources.open_capture import camera_path, open_capture, read_truth
-from vnav.io.store.artifacts import load_loops, load_odometry
+from vnav.io.store.artifacts import load_loops, load_odometry, load_trajectory
 from vnav.io.store.map_folder import MapFolder
 from vnav.io.store.overview import overview
 from vnav.pipeline.build import build_map
@@ -109,7 +108,7 @@ def evaluate(task: SequenceTask, progress: Progress = silent) -> SequenceRun:
         mapped = relocalisation.without_held_out(capture, entry.hold_out_every)
         require_usable(capture, progress=progress)
         reports = build_map(folder, mapped, config, progress=progress)
-        trajectory = read_tum(folder.stage("optimise") / "trajectory_0.tum")
+        trajectory = load_trajectory(folder)
         values = _of_the_map(folder, reports)
         if len(truth):
             scored = score(trajectory, truth, MAX_DIFFERENCE_S)

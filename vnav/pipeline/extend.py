@@ -18,6 +18,7 @@ from vnav.errors import CaptureError, ConfigError, MapError
 from vnav.io.sources.capture import Capture
 from vnav.io.store.artifacts import (
     add_keyframes,
+    copy_keyframes,
     load_odometry,
     load_optimised,
     map_camera,
@@ -133,7 +134,7 @@ def _appended(
     added = path / "added"
     added.mkdir()
     new = track(capture, config, added, progress)
-    shutil.copytree(folder.stage("odometry") / "keyframes", path / "keyframes")
+    copy_keyframes(folder, path)
     add_keyframes(path, added, len(old.frames))
     shutil.rmtree(added)
     return append(old, new, T_world_camera)

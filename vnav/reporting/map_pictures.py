@@ -14,10 +14,9 @@ from vnav.core.arrays import Array
 from vnav.core.grid import FREE, OCCUPIED, UNKNOWN, Grid
 from vnav.core.mapping import LoopVerdict, Odometry
 from vnav.core.point_cloud import PointCloud
-from vnav.io.formats.grid_files import read_grid
-from vnav.io.formats.ply import read_cloud
-from vnav.io.store.artifacts import load_loops, load_odometry, load_optimised
+from vnav.io.store.artifacts import load_cloud, load_grid, load_loops, load_odometry, load_optimised
 from vnav.io.store.map_folder import MapFolder
+from vnav.io.whole_files import whole_file
 from vnav.reporting.figures import COLORS, extent_of, grid_image, legend, map_figure
 from vnav.reporting.moving_picture import moving_figure
 from vnav.volumes.top_view import seen_from_above
@@ -34,12 +33,12 @@ def draw(folder: MapFolder) -> tuple[Path, ...]:
 
     What moves is drawn where something does.
     """
-    grid = read_grid(folder.stage("fuse") / "grid.yaml")
+    grid = load_grid(folder)
     odometry, poses = load_odometry(folder), load_optimised(folder).T_world_camera
     figures = {
         "trajectory": trajectory_figure(grid, odometry, poses, load_loops(folder)),
         "grid": grid_figure(grid),
-        "cloud": cloud_figure(read_cloud(folder.stage("fuse") / "cloud.ply")),
+        "cloud": cloud_figure(load_cloud(folder)),
         "moving": moving_figure(folder, odometry),
     }
     paths = {name: folder.root / "reports" / f"{name}.png" for name in figures}
@@ -47,7 +46,8 @@ def draw(folder: MapFolder) -> tuple[Path, ...]:
     paths["moving"].unlink(missing_ok=True)
     drawn = {paths[name]: figure for name, figure in figures.items() if figure is not None}
     for path, figure in drawn.items():
-        figure.savefig(path, bbox_inches="tight")
+        with whole_file(path) as file:
+            figure.savefig(file, bbox_inches="tight")
     return tuple(drawn)
 
 

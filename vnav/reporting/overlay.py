@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from vnav.core.voxels import Voxels
 from vnav.errors import VnavError
 from vnav.io.photos.photo_files import read_photo
+from vnav.io.whole_files import write_bytes
 from vnav.localisation.database import LandmarkDatabase
 from vnav.localisation.verdict.answer import PhotoAnswer, summary
 from vnav.localisation.verification.prediction import predict
@@ -34,13 +35,21 @@ def draw(answer: PhotoAnswer, database: LandmarkDatabase, path: Path) -> None:
             cv2.circle(canvas, (round(x), round(y)), 2, RED, -1, cv2.LINE_AA)
     canvas = _beside(canvas, answer, database.index.voxels)
     _draw_title(canvas, summary(answer).removeprefix(f"{answer.path}: "))
+    if path.resolve() == answer.path.resolve():
+        raise VnavError(
+            f"expected another file for the picture than its photo {path}, and wrote nothing; name"
+            " another with --overlay"
+        )
     try:
+        _, picture = cv2.imencode(path.suffix, canvas)
         path.parent.mkdir(parents=True, exist_ok=True)
-        written = cv2.imwrite(str(path), canvas)
-    except (OSError, cv2.error):
-        written = False
-    if not written:
-        raise VnavError(f"expected to write a picture to {path}, could not; name a .jpg or .png")
+        write_bytes(path, picture.tobytes())
+    except (OSError, cv2.error) as error:
+        found = error.strerror if isinstance(error, OSError) else "another suffix"
+        raise VnavError(
+            f"expected to write a picture to {path}, found: {found}; name a .jpg or .png that can"
+            " be written with --overlay"
+        ) from error
 
 
 def _seen(answer: PhotoAnswer) -> NDArray[np.uint8]:

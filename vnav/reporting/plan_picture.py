@@ -11,6 +11,7 @@ from matplotlib.patches import Patch
 
 from vnav.core.grid import OCCUPIED, UNKNOWN
 from vnav.errors import VnavError
+from vnav.io.whole_files import whole_file
 from vnav.planning.costmap import costmap
 from vnav.planning.planner import Plan
 from vnav.reporting.figures import COLORS, extent_of, grid_image, legend, map_figure
@@ -24,7 +25,8 @@ ARROW_M = 0.5
 def write_picture(path: Path, answer: PlanAnswer) -> None:
     """Write a PNG of the path on the grid, or of start and goal where there is no path."""
     try:
-        plan_figure(answer).savefig(path, format="png", bbox_inches="tight")
+        with whole_file(path) as file:
+            plan_figure(answer).savefig(file, format="png", bbox_inches="tight")
     except OSError as error:
         raise VnavError(
             f"expected to write {path}, found: {error.strerror}; name another file with --png"

@@ -81,7 +81,7 @@ def _found_again(
 
 
 def _voxels(folder: MapFolder) -> Voxels:
-    octree = Octree.read(folder.stage("fuse") / "occupancy.bt")
+    octree = Octree.read(folder.file("fuse", "occupancy.bt"))
     leaves = octree.leaves()
     solid = leaves.occupied
     return Voxels.filled(leaves.centres_world[solid], leaves.size_m[solid], octree.resolution_m)

@@ -15,8 +15,7 @@ from vnav.core.frame import Rejected
 from vnav.core.grid import Grid
 from vnav.core.mapping import OptimisedMap
 from vnav.errors import MapError
-from vnav.io.formats.grid_files import read_grid
-from vnav.io.store.artifacts import load_optimised
+from vnav.io.store.artifacts import load_grid, load_optimised
 from vnav.io.store.map_folder import MapFolder
 from vnav.planning.planner import Plan, heading_rad, plan_path
 from vnav.planning.snapping import Point, SnappedPoint
@@ -91,7 +90,7 @@ def plan(
     pose; whatever ``locate`` raises for a photo that cannot be read.
     """
     clock = [time.monotonic()]
-    grid = read_grid(folder.stage("fuse") / "grid.yaml")
+    grid = load_grid(folder)
     uncertainty_m = min(map_uncertainty_m(load_optimised(folder)), config.max_uncertainty_m)
     clock.append(time.monotonic())
     places = _floor_pose(folder, start, locate), _floor_pose(folder, goal, locate)

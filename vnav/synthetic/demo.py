@@ -17,7 +17,9 @@ from vnav.evaluation.score import Score, score
 from vnav.io.formats.grid_files import read_grid
 from vnav.io.formats.trajectories import read_photo_poses, read_tum
 from vnav.io.sources.open_capture import open_capture
+from vnav.io.store.artifacts import load_trajectory
 from vnav.io.store.map_folder import MapFolder
+from vnav.io.store.map_lock import only_writer
 from vnav.localisation.verdict.answer import PhotoAnswer
 from vnav.pipeline.build import build_map
 from vnav.planning.planner import Plan
@@ -62,9 +64,11 @@ def run(
     is kept. MapError where ``out`` cannot be written.
     """
     capture = cached_capture(spec, cache, progress)
-    folder = MapFolder.create(out / "map")
-    reports = build_map(folder, open_capture(capture, config.capture), config, progress=progress)
-    report.write(folder)
+    with only_writer(out / "map"):
+        folder = MapFolder.create(out / "map")
+        source = open_capture(capture, config.capture)
+        reports = build_map(folder, source, config, progress=progress)
+        report.write(folder)
 
     locator = Locator.open(folder, config)
     files = sorted((capture / "photos").glob("*.jpg"))
@@ -82,8 +86,7 @@ def run(
 
 def truth(demo: Demo) -> list[str]:
     """Lines that say how far the map, the photos and the path are from what was rendered."""
-    trajectory = demo.folder.stage("optimise") / "trajectory_0.tum"
-    scored = score(read_tum(trajectory), read_tum(demo.capture / "groundtruth.txt"), 0.02)
+    scored = score(load_trajectory(demo.folder), read_tum(demo.capture / "groundtruth.txt"), 0.02)
     return [
         _about_map(scored),
         _about_photos(demo, scored.ate.T_truth_world),

@@ -20,7 +20,7 @@ from vnav.core.mapping import (
     OptimisedMap,
     World,
 )
-from vnav.errors import MapError
+from vnav.errors import StaleArtifact
 from vnav.io.store import artifacts
 from vnav.io.store.map_folder import MapFolder
 
@@ -169,7 +169,8 @@ def test_depth_beyond_what_is_stored_is_not_wrapped_to_near(folder: MapFolder) -
 
 
 def test_a_missing_keyframe_image_is_named(folder: MapFolder) -> None:
-    with pytest.raises(MapError, match=r"expected a keyframe's image in .*000002\.jpg"):
+    saved(folder, "odometry", lambda draft: artifacts.save_odometry(draft, odometry()))
+    with pytest.raises(StaleArtifact, match=r"expected .*000002\.jpg as .* wrote it, found none"):
         artifacts.load_keyframe(folder, 2, odometry().frames)
 
 
@@ -199,20 +200,18 @@ def other(path: Path) -> None:
 
 @pytest.mark.parametrize("damage", [cut, emptied, altered, other, Path.unlink])
 @pytest.mark.parametrize("name", ["frames.npz", "keyframes.npz", "edges.npz"])
-def test_damaged_arrays_are_a_map_error_that_names_the_file(
+def test_damaged_arrays_are_named(
     folder: MapFolder, name: str, damage: Callable[[Path], None]
 ) -> None:
     saved(folder, "odometry", lambda draft: artifacts.save_odometry(draft, odometry()))
     damage(folder.root / "odometry" / name)
-    with pytest.raises(MapError, match=f"expected arrays in .*{name}, found: .*--fresh"):
+    with pytest.raises(StaleArtifact, match=f"expected .*{name} as the stage 'odometry' wrote it"):
         artifacts.load_odometry(folder)
 
 
 @pytest.mark.parametrize("damage", [cut, emptied, other, Path.unlink])
-def test_a_damaged_table_is_a_map_error_that_names_the_file(
-    folder: MapFolder, damage: Callable[[Path], None]
-) -> None:
+def test_a_damaged_table_is_named(folder: MapFolder, damage: Callable[[Path], None]) -> None:
     saved(folder, "odometry", lambda draft: artifacts.save_odometry(draft, odometry()))
     damage(folder.root / "odometry" / "lost.json")
-    with pytest.raises(MapError, match=r"expected JSON in .*lost\.json"):
+    with pytest.raises(StaleArtifact, match=r"expected .*lost\.json as the stage .* wrote it"):
         artifacts.load_odometry(folder)

@@ -1,6 +1,7 @@
 import json
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -251,7 +252,7 @@ def test_reports_and_the_current_pose_come_back_as_written(folder: MapFolder) ->
 def test_the_record_of_a_stage_holds_no_absolute_path_and_no_time(folder: MapFolder) -> None:
     write(folder, "odometry")
     record = json.loads((folder.root / "odometry" / "stage.json").read_text())
-    assert set(record) == {"vnav", "settings", "inputs", "files"}
+    assert set(record) == {"vnav", "settings", "inputs", "files", "sha256"}
     assert str(folder.root) not in json.dumps(record)
 
 
@@ -298,3 +299,62 @@ def test_a_current_pose_of_another_world_is_forgotten(tmp_path: Path) -> None:
     with folder.writing("optimise", {"seed": 1}, {}):
         pass
     assert folder.current() is None
+
+
+@pytest.mark.parametrize("damage", [lambda path: path.write_text("maid"), Path.unlink])
+def test_a_file_that_is_not_as_its_stage_wrote_it_is_not_given_out(
+    folder: MapFolder, damage: Callable[[Path], object]
+) -> None:
+    write(folder, "odometry", "made")
+    path = folder.file("odometry", "result.txt")
+    assert path.read_text() == "made"
+    damage(path)
+    with pytest.raises(StaleArtifact, match=rf"expected {path} as .* wrote it, found .*build-map"):
+        folder.file("odometry", "result.txt")
+
+
+def test_a_file_that_a_stage_did_not_write_is_not_given_out(folder: MapFolder) -> None:
+    write(folder, "odometry")
+    (folder.root / "odometry" / "planted.txt").touch()
+    with pytest.raises(StaleArtifact, match="found none"):
+        folder.file("odometry", "planted.txt")
+
+
+def test_a_stage_whose_record_was_altered_is_made_again(folder: MapFolder) -> None:
+    write(folder, "odometry")
+    path = folder.root / "odometry" / "stage.json"
+    path.write_text(path.read_text().replace('"seed": 0', '"seed": 1'))
+    assert not folder.has("odometry")
+    assert not folder.is_current("odometry", SETTINGS | {"seed": 1}, INPUTS)
+
+
+def test_a_map_whose_cameras_were_altered_is_refused(folder: MapFolder) -> None:
+    folder.set_captures([{"id": 0, "camera": {"fx": 525.0}}])
+    path = folder.root / "map.json"
+    path.write_text(path.read_text().replace("525.0", "526.0"))
+    with pytest.raises(StaleArtifact, match=r"expected .*map\.json as vnav wrote it"):
+        MapFolder.open(folder.root)
+
+
+def test_an_altered_note_is_forgotten(folder: MapFolder) -> None:
+    folder.write_current({"x": 1.0})
+    folder.write_report("odometry", {"lines": ["10 frames"]})
+    for name, old, new in (("state/current", "1.0", "9.0"), ("reports/odometry", "10", "90")):
+        path = folder.root / f"{name}.json"
+        path.write_text(path.read_text().replace(old, new))
+    assert folder.current() is None
+    assert folder.report("odometry") == {}
+
+
+def run_out_of_room(folder: MapFolder) -> None:
+    with folder.writing("odometry", SETTINGS, INPUTS) as draft:
+        (draft / "half").touch()
+        Path("/dev/full").write_text("the other half")
+
+
+def test_what_a_full_disk_broke_off_takes_no_room(folder: MapFolder) -> None:
+    write(folder, "odometry", "made")
+    with pytest.raises(MapError, match="room for the stage 'odometry'.*what is finished is kept"):
+        run_out_of_room(folder)
+    assert names(folder) == {"map.json", "odometry"}
+    assert folder.file("odometry", "result.txt").read_text() == "made"

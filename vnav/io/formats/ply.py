@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from vnav.core.point_cloud import Mesh, PointCloud
 from vnav.errors import MapError
+from vnav.io.whole_files import whole_file, write_bytes
 
 POSITION = [("x", "<f4"), ("y", "<f4"), ("z", "<f4")]
 NORMAL = [("nx", "<f4"), ("ny", "<f4"), ("nz", "<f4")]
@@ -20,7 +21,7 @@ NAMES = {"<f4": "float", "|u1": "uchar"}
 def write_cloud(path: Path, cloud: PointCloud) -> None:
     """Write positions and colours."""
     vertices = _table(CLOUD_VERTEX, cloud.points_world, cloud.colors)
-    path.write_bytes(_header(vertices) + vertices.tobytes())
+    write_bytes(path, _header(vertices) + vertices.tobytes())
 
 
 def read_cloud(path: Path) -> PointCloud:
@@ -35,7 +36,7 @@ def write_mesh(path: Path, mesh: Mesh) -> None:
     corners = np.full((len(mesh.triangles), 1), 3)
     triangles = _table(np.dtype(TRIANGLE), corners, mesh.triangles)
     header = _header(vertices, len(triangles))
-    path.write_bytes(header + vertices.tobytes() + triangles.tobytes())
+    write_bytes(path, header + vertices.tobytes() + triangles.tobytes())
 
 
 def read_mesh(path: Path) -> Mesh:
@@ -49,7 +50,7 @@ def write_obj(path: Path, mesh: Mesh) -> None:
     """Write a mesh as Wavefront OBJ: colours 0 to 1 behind the positions, as MeshLab reads them."""
     vertices = np.hstack([mesh.vertices_world, mesh.colors / 255])
     corners = np.repeat(mesh.triangles + 1, 2, axis=1)
-    with path.open("w", encoding="ascii") as file:
+    with whole_file(path) as file:
         np.savetxt(file, vertices, "v %.5f %.5f %.5f %.3f %.3f %.3f")
         np.savetxt(file, mesh.normals_world, "vn %.4f %.4f %.4f")
         np.savetxt(file, corners, "f %d//%d %d//%d %d//%d")

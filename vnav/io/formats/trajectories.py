@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from vnav.core import se3
 from vnav.core.trajectory import Trajectory
 from vnav.errors import TrajectoryError
-from vnav.io.store.map_folder import write_text
+from vnav.io.whole_files import write_text
 
 _UNIT = 0.01  # how far a quaternion's length may lie from 1: three printed digits
 

@@ -1,6 +1,7 @@
 """The arrays that mapping stages leave in the map folder, saved and loaded."""
 
 import json
+import shutil
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
@@ -11,6 +12,7 @@ from numpy.typing import NDArray
 
 from vnav.core.camera import Intrinsics
 from vnav.core.frame import Edge, Features, Frame
+from vnav.core.grid import Grid
 from vnav.core.mapping import (
     FrameFeatures,
     FrameTable,
@@ -20,10 +22,16 @@ from vnav.core.mapping import (
     OptimisedMap,
     World,
 )
+from vnav.core.point_cloud import Mesh, PointCloud
 from vnav.core.reduced_frame import in_pixels
+from vnav.core.trajectory import Trajectory
 from vnav.errors import MapError
 from vnav.io.formats.arrays_file import Arrays, load_arrays, save_arrays
-from vnav.io.store.map_folder import MapFolder, to_json, write_text
+from vnav.io.formats.grid_files import read_grid
+from vnav.io.formats.ply import read_cloud, read_mesh
+from vnav.io.formats.trajectories import read_tum
+from vnav.io.store.map_folder import MapFolder, to_json
+from vnav.io.whole_files import write_text
 
 DEPTH_UNITS_PER_METRE = 5000  # of the keyframes' depth images: 0.2 mm steps up to 13.1 m
 MEND = "build the map anew with 'vnav build-map CAPTURE --fresh'"
@@ -63,20 +71,19 @@ def save_odometry(draft: Path, odometry: Odometry) -> None:
 
 def load_odometry(folder: MapFolder) -> Odometry:
     """The result of the odometry stage."""
-    stage = folder.stage("odometry")
-    frames = _load(stage / "frames.npz")
-    lost = _load_json(stage / "lost.json")
+    frames = _load(folder, "odometry", "frames")
+    lost = _load_json(folder, "odometry", "lost")
     return Odometry(
         FrameTable(frames["capture"], frames["index"], frames["stamp_s"]),
         frames["T_segment_camera"],
         frames["segment"],
         tuple(lost.get(str(row), "") for row in range(len(frames["index"]))),
-        edges_from_arrays(_load(stage / "edges.npz")),
-        _keyframes_from_arrays(_load(stage / "keyframes.npz")),
+        edges_from_arrays(_load(folder, "odometry", "edges")),
+        _keyframes_from_arrays(_load(folder, "odometry", "keyframes")),
         bool(frames.get("given", False)),
         frames.get("T_world_before"),
-        edges_from_arrays(_load(stage / "degenerate_edges.npz")),
-        edges_from_arrays(_load(stage / "alternatives.npz")),
+        edges_from_arrays(_load(folder, "odometry", "degenerate_edges")),
+        edges_from_arrays(_load(folder, "odometry", "alternatives")),
         frames["moving_share"],
     )
 
@@ -95,6 +102,14 @@ def save_keyframe_mask(draft: Path, row: int, moving: NDArray[np.bool_]) -> None
     """Keep which blocks (h, w) of a keyframe move, beside its images."""
     path = draft / "keyframes" / f"{row:06d}.mask.png"
     _write_image(path, moving.astype(np.uint8) * 255, cv2.IMWRITE_PNG_BILEVEL, 1)
+
+
+def copy_keyframes(folder: MapFolder, draft: Path) -> None:
+    """Copy the keyframes' images of a map."""
+    names = [name for name in folder.files("odometry") if name.startswith("keyframes/")]
+    (draft / "keyframes").mkdir()
+    for name in names:
+        shutil.copyfile(folder.file("odometry", name), draft / name)
 
 
 def add_keyframes(draft: Path, added: Path, first_row: int) -> None:
@@ -134,16 +149,15 @@ def load_keyframe_depth(folder: MapFolder, row: int) -> NDArray[np.float32]:
 
 def load_keyframe_mask(folder: MapFolder, row: int, shape: tuple[int, ...]) -> NDArray[np.bool_]:
     """Which pixels of a keyframe, of that height and width, move."""
-    path = folder.root / "odometry" / "keyframes" / f"{row:06d}.mask.png"
-    if not path.exists():
+    if f"keyframes/{row:06d}.mask.png" not in folder.files("odometry"):
         return np.zeros(shape, bool)
     blocks = _keyframe_image(folder, row, "mask.png", cv2.IMREAD_UNCHANGED)
     return in_pixels(blocks > 0, shape)
 
 
 def _keyframe_image(folder: MapFolder, row: int, kind: str, flags: int) -> Any:
-    path = folder.root / "odometry" / "keyframes" / f"{row:06d}.{kind}"
-    image = cv2.imread(str(path), flags)
+    path = folder.file("odometry", f"keyframes/{row:06d}.{kind}")
+    image = cv2.imdecode(np.fromfile(path, np.uint8), flags)
     if image is None:
         raise MapError(
             f"expected a keyframe's image in {path}, found none that can be read;"
@@ -175,8 +189,7 @@ def load_loops(folder: MapFolder, stage: str | None = None) -> tuple[LoopVerdict
     "loops" judges by matches, "optimise" by the pose graph as well.
     """
     stage = stage or ("optimise" if folder.has("optimise") else "loops")
-    text = (folder.stage(stage) / "verdicts.json").read_text("utf-8")
-    return tuple(LoopVerdict(**verdict) for verdict in json.loads(text))
+    return tuple(LoopVerdict(**verdict) for verdict in _load_json(folder, stage, "verdicts"))
 
 
 def load_loop_edges(folder: MapFolder) -> tuple[tuple[Edge, ...], NDArray[np.int32]]:
@@ -184,8 +197,8 @@ def load_loop_edges(folder: MapFolder) -> tuple[tuple[Edge, ...], NDArray[np.int
 
     A match names keyframe and feature, keyframe and feature.
     """
-    stage = folder.stage("loops")
-    return edges_from_arrays(_load(stage / "edges.npz")), _load(stage / "matches.npz")["matches"]
+    edges = edges_from_arrays(_load(folder, "loops", "edges"))
+    return edges, _load(folder, "loops", "matches")["matches"]
 
 
 def save_optimised(draft: Path, result: OptimisedMap) -> None:
@@ -202,11 +215,10 @@ def save_optimised(draft: Path, result: OptimisedMap) -> None:
 
 def load_optimised(folder: MapFolder) -> OptimisedMap:
     """The result of the optimise stage."""
-    stage = folder.stage("optimise")
-    arrays = _load(stage / "map.npz")
+    arrays = _load(folder, "optimise", "map")
     poses, covariance = arrays.pop("T_world_camera"), arrays.pop("keyframe_covariance")
     delay_s = float(arrays.pop("depth_delay_s", 0.0))
-    world = World(**_load_json(stage / "world.json"))
+    world = World(**_load_json(folder, "optimise", "world"))
     return OptimisedMap(poses, covariance, Landmarks(**arrays), world, delay_s)
 
 
@@ -217,7 +229,7 @@ def save_departed(draft: Path, landmarks: NDArray[np.bool_]) -> None:
 
 def load_departed(folder: MapFolder) -> NDArray[np.bool_]:
     """Which landmarks (L,) of the map have departed, by the fuse stage."""
-    return _load(folder.stage("fuse") / "departed.npz")["landmarks"]
+    return _load(folder, "fuse", "departed")["landmarks"]
 
 
 def save_mended_edges(draft: Path, edges: Iterable[Edge]) -> None:
@@ -227,7 +239,7 @@ def save_mended_edges(draft: Path, edges: Iterable[Edge]) -> None:
 
 def load_mended_edges(folder: MapFolder) -> tuple[Edge, ...]:
     """Odometry's edges that the poses of the optimise stage stand on."""
-    return edges_from_arrays(_load(folder.stage("optimise") / "edges.npz"))
+    return edges_from_arrays(_load(folder, "optimise", "edges"))
 
 
 def edges_to_arrays(edges: Iterable[Edge]) -> Arrays:
@@ -272,11 +284,33 @@ def _keyframes_from_arrays(arrays: Arrays) -> tuple[FrameFeatures, ...]:
     return tuple(keyframes)
 
 
-def _load(path: Path) -> Arrays:
-    return load_arrays(path, MEND)
+def load_trajectory(folder: MapFolder, capture: int = 0) -> Trajectory:
+    """Final poses of a capture's tracked frames."""
+    return read_tum(folder.file("optimise", f"trajectory_{capture}.tum"))
 
 
-def _load_json(path: Path) -> Any:
+def load_grid(folder: MapFolder) -> Grid:
+    """The grid of free, occupied and unknown floor."""
+    folder.file("fuse", "grid.pgm")  # which the other names
+    return read_grid(folder.file("fuse", "grid.yaml"))
+
+
+def load_cloud(folder: MapFolder) -> PointCloud:
+    """The filtered, coloured cloud."""
+    return read_cloud(folder.file("fuse", "cloud.ply"))
+
+
+def load_mesh(folder: MapFolder) -> Mesh:
+    """The coloured surface."""
+    return read_mesh(folder.file("fuse", "mesh.ply"))
+
+
+def _load(folder: MapFolder, stage: str, name: str) -> Arrays:
+    return load_arrays(folder.file(stage, f"{name}.npz"), MEND)
+
+
+def _load_json(folder: MapFolder, stage: str, name: str) -> Any:
+    path = folder.file(stage, f"{name}.json")
     try:
         return json.loads(path.read_text("utf-8"))
     except (OSError, ValueError) as error:

@@ -6,9 +6,11 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from vnav.errors import MapError
-from vnav.io.formats.ply import read_mesh, write_obj
+from vnav.io.formats.ply import write_obj
 from vnav.io.formats.trajectories import read_tum, write_kitti
-from vnav.io.store.map_folder import MapFolder, write_text
+from vnav.io.store.artifacts import load_mesh
+from vnav.io.store.map_folder import MapFolder
+from vnav.io.whole_files import whole_file, write_text
 
 Writer = Callable[[MapFolder, Path], list[Path]]
 
@@ -40,22 +42,20 @@ def _copy(stage: str, *names: str) -> Writer:
     """A writer that copies files of a stage."""
 
     def write(folder: MapFolder, out: Path) -> list[Path]:
-        source = folder.stage(stage)
-        return [Path(shutil.copyfile(source / name, out / name)) for name in names]
+        return [_copied(folder.file(stage, name), out) for name in names]
 
     return write
 
 
 def _trajectories(folder: MapFolder, out: Path) -> list[Path]:
     """One file a capture: ``stamp tx ty tz qx qy qz qw``, camera to world."""
-    sources = sorted(folder.stage("optimise").glob("trajectory_*.tum"))
-    return [Path(shutil.copyfile(source, out / source.name)) for source in sources]
+    return [_copied(source, out) for source in _sources(folder)]
 
 
 def _kitti_trajectories(folder: MapFolder, out: Path) -> list[Path]:
     """One file of poses a capture, and one of their times, which the format has no place for."""
     written = []
-    for source in sorted(folder.stage("optimise").glob("trajectory_*.tum")):
+    for source in _sources(folder):
         trajectory = read_tum(source)
         poses, times = out / f"{source.stem}.kitti", out / f"{source.stem}.times"
         write_kitti(poses, trajectory)
@@ -64,8 +64,20 @@ def _kitti_trajectories(folder: MapFolder, out: Path) -> list[Path]:
     return written
 
 
+def _sources(folder: MapFolder) -> list[Path]:
+    """The trajectories of all captures."""
+    names = [f"trajectory_{number}.tum" for number in range(len(folder.captures))]
+    return [folder.file("optimise", name) for name in names if name in folder.files("optimise")]
+
+
+def _copied(source: Path, out: Path) -> Path:
+    with source.open("rb") as content, whole_file(out / source.name) as copy:
+        shutil.copyfileobj(content, copy)
+    return out / source.name
+
+
 def _obj(folder: MapFolder, out: Path) -> list[Path]:
-    write_obj(out / "mesh.obj", read_mesh(folder.stage("fuse") / "mesh.ply"))
+    write_obj(out / "mesh.obj", load_mesh(folder))
     return [out / "mesh.obj"]
 
 

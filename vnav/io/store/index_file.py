@@ -17,7 +17,7 @@ def write_index(draft: Path, index: MapIndex) -> None:
 
 def load_index(folder: MapFolder) -> MapIndex:
     """The map's index; StaleArtifact where it was not made, MapError where it is damaged."""
-    path = folder.stage("index") / NAME
+    path = folder.file("index", NAME)
     mend = f"run 'vnav index --map {folder.root}' again"
     try:
         return MapIndex(**load_arrays(path, mend))

@@ -1,26 +1,44 @@
 """The map folder: sole owner of its layout; see docs/map-folder.md.
 
 A stage owns one folder and writes it whole: into a draft beside it, then renamed, so that a crash
-never leaves half a stage. ``stage.json`` records vnav's version, the settings and the content of
-all inputs; a stage is reused only where all of these are what they were.
+never leaves half a stage. ``stage.json`` records vnav's version, the settings, and the content of
+all inputs and of all its files; a stage is reused only where all of these are what they were, and
+a file is given out only where it is. JSON files are sealed with a hash of their own.
 """
 
+import errno
 import hashlib
 import json
 import os
+import secrets
 import shutil
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from vnav import __version__
 from vnav.errors import MapError, StaleArtifact
+from vnav.io.store.map_lock import NAME as LOCK
+from vnav.io.store.map_lock import unwritable
+from vnav.io.whole_files import write_text
 
-FORMAT = 4
+FORMAT = 5
 STAGES = ("odometry", "vocabulary", "loops", "optimise", "fuse", "index")
-_LEFTOVERS = tuple(f".{stage}.{end}" for stage in STAGES for end in ("draft", "old"))
+_LEFTOVERS = tuple(f".{name}.*" for name in (*STAGES, "map.json"))  # drafts, and what they replace
 _OWN = (*_LEFTOVERS, *STAGES, "reports", "state")
+_SEAL = "sha256"  # in every JSON file, of what else is in it
+FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
+
+
+@dataclass(frozen=True)
+class _Record:
+    """What a stage.json says, a hash of it, and which file it was."""
+
+    file: tuple[int, int, int]
+    values: dict[str, Any]
+    digest: str
 
 
 class MapFolder:
@@ -28,6 +46,7 @@ class MapFolder:
 
     def __init__(self, root: Path) -> None:
         self.root = root
+        self._records: dict[str, _Record] = {}
 
     @classmethod
     def open(cls, root: Path) -> "MapFolder":
@@ -39,12 +58,13 @@ class MapFolder:
                 f"expected a map at {root}, found no map.json; make one with 'vnav build-map"
                 f" CAPTURE --map {root}' or name another with --map"
             )
-        found = _read_json(path).get("format")
+        found = _json(path).get("format")
         if found != FORMAT:
             raise MapError(
                 f"expected map format {FORMAT} in {path}, found {found};"
                 f" build the map anew with 'vnav build-map CAPTURE --map {root} --fresh'"
             )
+        _read_json(path)  # whole
         return cls(root)
 
     @classmethod
@@ -59,15 +79,11 @@ class MapFolder:
             _put_back(root)
             captures = folder._found(fresh)
             root.mkdir(parents=True, exist_ok=True)
-            for name in _OWN if fresh else _LEFTOVERS:
-                if (root / name).exists():
-                    shutil.rmtree(root / name)
+            for path in _matching(root, _OWN if fresh else _LEFTOVERS):
+                shutil.rmtree(path) if path.is_dir() else path.unlink()
             folder.set_captures(captures)
         except OSError as error:
-            raise MapError(
-                f"expected to write a map at {root}, found: {error.strerror}; give write"
-                " permission or name another folder with --map"
-            ) from error
+            raise unwritable(root, error) from error
         return folder
 
     def _found(self, fresh: bool) -> list[dict[str, Any]]:
@@ -75,17 +91,17 @@ class MapFolder:
         path = self.root / "map.json"
         if path.exists() and not fresh:
             return self.open(self.root).captures
-        if path.exists() and "captures" not in _read_json(path):
+        if path.exists() and "captures" not in _json(path):
             raise MapError(
                 f"expected a map's map.json in {self.root}, found another file of that name, and"
                 " deleted nothing; name another folder with --map"
             )
         if not path.exists() and self.root.exists():
-            names = [p.name for p in self.root.iterdir() if p.name != f".{path.name}.draft"]
-            if names:
+            others = self.foreign_files()
+            if others:
                 raise MapError(
                     f"expected a map or an empty folder at {self.root}, found other files"
-                    f" ({min(names)}); name another folder with --map"
+                    f" ({others[0].name}); name another folder with --map"
                 )
         return []
 
@@ -97,24 +113,27 @@ class MapFolder:
 
     def set_captures(self, captures: list[dict[str, Any]]) -> None:
         """Replace the list of captures."""
-        write_text(self.root / "map.json", to_json({"format": FORMAT, "captures": captures}))
+        _write_json(self.root / "map.json", {"format": FORMAT, "captures": captures})
 
     def inputs_of(self, *stages: str) -> dict[str, str]:
         """What a stage depends on: a hash over each named stage's recorded output."""
-        return {stage: _digest(self.stage(stage) / "stage.json") for stage in stages}
+        for stage in stages:
+            self.stage(stage)
+        return {stage: self._record(stage).digest for stage in stages}
 
     def is_current(
         self, stage: str, settings: Mapping[str, Any], inputs: Mapping[str, str]
     ) -> bool:
         """Whether the stage was made by this version from these settings and inputs, unharmed."""
-        path = self.root / stage / "stage.json"
-        if not path.is_file():
+        try:
+            record = self.recorded(stage)
+        except StaleArtifact:
             return False
-        record = _read_json(path)
         made_from = {key: record.get(key) for key in ("vnav", "settings", "inputs")}
         wanted = {"vnav": __version__, "settings": dict(settings), "inputs": dict(inputs)}
-        files = record.get("files", {})
-        return bool(made_from == json.loads(to_json(wanted)) and files == _digests(path.parent))
+        if made_from != json.loads(to_json(wanted)):
+            return False
+        return bool(record["files"] == _digests(self.root / stage))
 
     def stage(self, stage: str) -> Path:
         """Folder of a finished stage; StaleArtifact where it is missing or its inputs changed."""
@@ -124,20 +143,38 @@ class MapFolder:
                 f"expected the finished stage '{stage}' in {self.root}, found none; run"
                 f" 'vnav build-map' or 'vnav {stage} --map {self.root}'"
             )
-        for name, digest in _read_json(folder / "stage.json")["inputs"].items():
-            if name not in STAGES:
-                continue
-            if _digest(self.stage(name) / "stage.json") != digest:
+        for name, digest in self._record(stage).values["inputs"].items():
+            if name in STAGES and self.inputs_of(name) != {name: digest}:
                 raise StaleArtifact(
                     f"stage '{stage}' in {self.root} was made from another '{name}' than is there"
                     f" now; run 'vnav {stage} --map {self.root}' again"
                 )
         return folder
 
+    def file(self, stage: str, name: str) -> Path:
+        """A file of a finished stage as the stage wrote it; StaleArtifact where it is not that."""
+        path, known = self.stage(stage) / name, self.files(stage)
+        if name not in known or not path.is_file():
+            found = "none"
+        elif _digest(path) != known[name]:
+            found = "another content"
+        else:
+            return path
+        raise StaleArtifact(
+            f"expected {path} as the stage '{stage}' wrote it, found {found}; run 'vnav build-map"
+            f" CAPTURE --map {self.root}' again"
+        )
+
+    def files(self, stage: str) -> dict[str, str]:
+        """Names of the files that a stage wrote, in its folder, and hashes of what they hold."""
+        files: dict[str, str] = self._record(stage).values["files"]
+        return files
+
     def require_finished(self) -> None:
         """StaleArtifact where a stage is missing or stale, MapError where another vnav made it."""
         for stage in STAGES:
-            version = _read_json(self.stage(stage) / "stage.json").get("vnav")
+            self.stage(stage)
+            version = self._record(stage).values["vnav"]
             if version != __version__:
                 raise MapError(
                     f"expected stages made by vnav {__version__} in {self.root}, found '{stage}'"
@@ -147,18 +184,19 @@ class MapFolder:
 
     def foreign_files(self) -> list[Path]:
         """What lies in the folder and is not vnav's."""
-        own = {*_OWN, "map.json", ".map.json.draft"}
-        return sorted(path for path in self.root.iterdir() if path.name not in own)
+        own = _matching(self.root, (*_OWN, "map.json", LOCK))
+        return sorted(set(self.root.iterdir()) - set(own))
 
     def settings(self, stage: str) -> dict[str, Any]:
         """What a finished stage was made with: the seed, and its sections of the configuration."""
-        settings: dict[str, Any] = _read_json(self.stage(stage) / "stage.json")["settings"]
+        self.stage(stage)
+        settings: dict[str, Any] = self._record(stage).values["settings"]
         return settings
 
     def recorded(self, stage: str) -> dict[str, Any]:
         """What a stage, stale or not, was made by and from; empty where it is missing."""
-        path = self.root / stage / "stage.json"
-        return _read_json(path) if path.is_file() else {}
+        is_there = (self.root / stage / "stage.json").is_file()
+        return self._record(stage).values if is_there else {}
 
     def has(self, stage: str) -> bool:
         """Whether a stage is finished and its inputs are those it was made from."""
@@ -173,20 +211,26 @@ class MapFolder:
         self, stage: str, settings: Mapping[str, Any], inputs: Mapping[str, str]
     ) -> Iterator[Path]:
         """A draft folder to fill; it becomes the stage when the block ends without an error."""
-        draft, final = self.root / f".{stage}.draft", self.root / stage
+        unique = secrets.token_hex(8)
+        draft, old = (self.root / f".{stage}.{unique}.{end}" for end in ("draft", "old"))
+        final = self.root / stage
         try:
-            shutil.rmtree(draft, ignore_errors=True)
             draft.mkdir()
         except OSError as error:
+            raise unwritable(self.root, error) from error
+        try:
+            yield draft
+            record = {"vnav": __version__, "settings": dict(settings), "inputs": dict(inputs)}
+            _write_json(draft / "stage.json", record | {"files": _digests(draft)})
+            _sync(draft)
+        except OSError as error:
+            shutil.rmtree(draft, ignore_errors=True)
+            if error.errno not in FULL:
+                raise
             raise MapError(
-                f"expected to write to the map {self.root}, found: {error.strerror}; give write"
-                " permission or name another folder with --map"
+                f"expected room for the stage '{stage}' of the map {self.root}, found:"
+                f" {error.strerror}; what is finished is kept: make room and run the command again"
             ) from error
-        yield draft
-        record = {"vnav": __version__, "settings": dict(settings), "inputs": dict(inputs)}
-        write_text(draft / "stage.json", to_json(record | {"files": _digests(draft)}))
-        old = self.root / f".{stage}.old"
-        shutil.rmtree(old, ignore_errors=True)
         if final.exists():
             final.rename(old)
         draft.rename(final)
@@ -195,25 +239,33 @@ class MapFolder:
     def write_report(self, stage: str, report: Mapping[str, Any]) -> None:
         """Counts, quality and seconds of a stage, for people; not an input of anything."""
         (self.root / "reports").mkdir(exist_ok=True)
-        write_text(self.root / "reports" / f"{stage}.json", to_json(report))
+        _write_json(self.root / "reports" / f"{stage}.json", report)
 
     def report(self, stage: str) -> dict[str, Any]:
         """A stage's last report, empty where there is none."""
-        path = self.root / "reports" / f"{stage}.json"
-        return _read_json(path) if path.is_file() else {}
+        return _intact(self.root / "reports" / f"{stage}.json")
 
     def write_current(self, pose: Mapping[str, Any]) -> None:
         """Remember the last located pose; OSError where the map is read-only."""
         (self.root / "state").mkdir(exist_ok=True)
         state = {"world": self._world(), "pose": dict(pose)}
-        write_text(self.root / "state" / "current.json", to_json(state))
+        _write_json(self.root / "state" / "current.json", state)
 
     def current(self) -> dict[str, Any] | None:
         """The last located pose; None where no photo was located since the map got its world."""
-        path = self.root / "state" / "current.json"
-        state = _read_json(path) if path.is_file() else {}
+        state = _intact(self.root / "state" / "current.json")
         pose: dict[str, Any] | None = state.get("pose")
         return pose if state.get("world") == self._world() else None
+
+    def _record(self, stage: str) -> "_Record":
+        """A stage's stage.json, read once as long as it is the same file."""
+        path = self.root / stage / "stage.json"
+        status = path.stat()
+        file = status.st_ino, status.st_mtime_ns, status.st_size
+        known = self._records.get(stage)
+        if known is None or known.file != file:
+            known = self._records[stage] = _Record(file, _read_json(path), _digest(path))
+        return known
 
     def _world(self) -> str:
         """What the map's world frame came from, empty before there is one."""
@@ -238,21 +290,46 @@ def to_json(value: Any) -> str:
     return json.dumps(value, indent=1, sort_keys=True, allow_nan=False) + "\n"
 
 
-def write_text(path: Path, text: str) -> None:
-    """Write a file whole or not at all."""
-    draft = path.with_name(f".{path.name}.draft")
-    draft.write_text(text, "utf-8")
-    os.replace(draft, path)
+def _write_json(path: Path, values: Mapping[str, Any]) -> None:
+    """Write an object with the seal that `_read_json` holds it against."""
+    write_text(path, to_json({**values, _SEAL: _seal(values)}))
 
 
 def _read_json(path: Path) -> dict[str, Any]:
+    """What `_write_json` wrote; StaleArtifact where it is something else."""
+    values = _json(path)
+    if values.pop(_SEAL, "") != _seal(values):
+        raise StaleArtifact(
+            f"expected {path} as vnav wrote it, found another content; build the map anew with"
+            " 'vnav build-map CAPTURE --fresh'"
+        )
+    return values
+
+
+def _intact(path: Path) -> dict[str, Any]:
+    """What `_write_json` wrote; empty where it is missing or damaged, which loses a note."""
+    try:
+        return _read_json(path)
+    except MapError:
+        return {}
+
+
+def _seal(values: Mapping[str, Any]) -> str:
+    return hashlib.sha256(to_json(values).encode()).hexdigest()
+
+
+def _json(path: Path) -> dict[str, Any]:
     try:
         value = json.loads(path.read_text("utf-8"))
-    except (OSError, ValueError) as error:
+    except (OSError, ValueError, RecursionError) as error:
         raise MapError(f"expected JSON in {path}, found: {error}; build with --fresh") from error
     if not isinstance(value, dict):
         raise MapError(f"expected a JSON object in {path}, found another value; build with --fresh")
     return value
+
+
+def _matching(root: Path, patterns: Iterable[str]) -> list[Path]:
+    return [path for pattern in patterns for path in root.glob(pattern)]
 
 
 def _digest(path: Path) -> str:
@@ -263,3 +340,13 @@ def _digest(path: Path) -> str:
 def _digests(folder: Path) -> dict[str, str]:
     files = sorted(p for p in folder.rglob("*") if p.is_file() and p.name != "stage.json")
     return {p.relative_to(folder).as_posix(): _digest(p) for p in files}
+
+
+def _sync(folder: Path) -> None:
+    """Have all files of a folder on the disk: a rename may reach it before what is renamed."""
+    for path in (*folder.rglob("*"), folder):
+        file = os.open(path, os.O_RDONLY)
+        try:
+            os.fsync(file)
+        finally:
+            os.close(file)

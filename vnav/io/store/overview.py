@@ -6,8 +6,7 @@ from typing import Any
 import numpy as np
 
 from vnav.core.grid import FREE, OCCUPIED, UNKNOWN
-from vnav.io.formats.grid_files import read_grid
-from vnav.io.store.artifacts import load_loops, load_odometry, load_optimised
+from vnav.io.store.artifacts import load_grid, load_loops, load_odometry, load_optimised
 from vnav.io.store.map_folder import STAGES, MapFolder
 
 SIZE = ("width", "height")
@@ -114,7 +113,7 @@ def _loops(folder: MapFolder) -> dict[str, Any]:
 
 
 def _grid(folder: MapFolder) -> dict[str, Any]:
-    grid = read_grid(folder.stage("fuse") / "grid.yaml")
+    grid = load_grid(folder)
     rows, columns = grid.cells.shape
     states = {"free": FREE, "occupied": OCCUPIED, "unknown": UNKNOWN}
     return {

@@ -3,9 +3,16 @@
 import shutil
 from collections.abc import Iterator
 from contextlib import contextmanager
+from pathlib import Path
 
 from vnav.errors import MapError, VnavError
 from vnav.io.store.map_folder import MapFolder, aside
+
+
+def draft_of(folder: MapFolder) -> Path:
+    """Where the map lies that is to take the place of another."""
+    root = folder.root.resolve()
+    return root.with_name(f".{root.name}.draft")
 
 
 @contextmanager
@@ -16,12 +23,9 @@ def replacing(folder: MapFolder) -> Iterator[MapFolder]:
     leaves of it is there again the next time. Files of the old folder that are not vnav's are
     copied. MapError where nothing can be written beside the map, or it cannot be moved.
     """
-    root, old = folder.root.resolve(), aside(folder.root)
-    draft = root.with_name(f".{root.name}.draft")
-    if not (draft / "map.json").is_file():
-        shutil.rmtree(draft, ignore_errors=True)
+    root, old, draft = folder.root.resolve(), aside(folder.root), draft_of(folder)
     try:
-        yield MapFolder.create(draft)
+        yield MapFolder.create(draft, fresh=not (draft / "map.json").is_file())
     except VnavError:
         shutil.rmtree(draft, ignore_errors=True)
         raise

@@ -17,7 +17,7 @@ def write_tree(draft: Path, tree: VocabularyTree) -> None:
 
 def load_tree(folder: MapFolder) -> VocabularyTree:
     """The map's tree; StaleArtifact where it was not made, MapError where it is damaged."""
-    path = folder.stage("vocabulary") / NAME
+    path = folder.file("vocabulary", NAME)
     mend = f"run 'vnav vocabulary --map {folder.root}' again"
     try:
         return VocabularyTree.from_arrays(load_arrays(path, mend))
