@@ -29,7 +29,7 @@ LEVELS = (
     },
     {"core", "threads", "compiled"},
     {"config", "configs", "datasets"},
-    {"errors"},
+    {"errors", "caches"},
     {"vnav"},  # the version
 )
 

@@ -3,10 +3,14 @@
 import os
 import subprocess
 import sys
+import tempfile
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import numpy as np
+import pytest
 
+from vnav.caches import code_cache
 from vnav.compiled import compiled
 
 PROGRAM = """
@@ -52,3 +56,74 @@ def test_a_division_by_zero_is_infinite_not_an_error() -> None:
         return 1 / x
 
     assert inverse(0.0) == np.inf
+
+
+@pytest.fixture
+def folder(monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[[], Path | None]]:
+    """The folder that would be chosen, asked anew."""
+    monkeypatch.delenv("NUMBA_CACHE_DIR", raising=False)
+    code_cache.cache_clear()
+    yield code_cache.__wrapped__
+    code_cache.cache_clear()
+
+
+def test_machine_code_is_kept_in_the_users_code_cache(
+    folder: Callable[[], Path | None], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    assert folder() == tmp_path / "cache" / "vnav" / "compiled"
+
+
+def test_without_a_home_it_is_kept_in_a_temporary_folder_of_the_user_alone(
+    folder: Callable[[], Path | None], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("XDG_CACHE_HOME", "/proc/nowhere")
+    monkeypatch.setattr(tempfile, "gettempdir", lambda: str(tmp_path))
+    found = folder()
+    assert found == tmp_path / f"vnav-{os.getuid()}"
+    assert found.stat().st_mode & 0o777 == 0o700
+
+
+@pytest.mark.parametrize("mode", [0o777, 0o720])
+def test_a_folder_that_others_can_write_is_not_used(
+    mode: int,
+    folder: Callable[[], Path | None],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """What lies in it is run."""
+    monkeypatch.setenv("XDG_CACHE_HOME", "/proc/nowhere")
+    monkeypatch.setattr(tempfile, "gettempdir", lambda: str(tmp_path))
+    planted = tmp_path / f"vnav-{os.getuid()}"
+    planted.mkdir()
+    planted.chmod(mode)
+    assert folder() is None
+
+
+def test_a_link_that_somebody_planted_is_not_followed(
+    folder: Callable[[], Path | None], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("XDG_CACHE_HOME", "/proc/nowhere")
+    monkeypatch.setattr(tempfile, "gettempdir", lambda: str(tmp_path))
+    (tmp_path / "his").mkdir()
+    (tmp_path / f"vnav-{os.getuid()}").symlink_to(tmp_path / "his")
+    assert folder() is None
+
+
+def test_code_runs_where_nothing_can_be_kept(tmp_path: Path) -> None:
+    (tmp_path / "loops.py").write_text(LOOPS)
+    program = (
+        "from vnav import caches; caches._is_own = lambda folder: False\n"
+        "import loops; print(loops.twice(2))"
+    )
+    environment = {k: v for k, v in os.environ.items() if k != "NUMBA_CACHE_DIR"}
+    done = subprocess.run(
+        [sys.executable, "-c", program],
+        cwd=tmp_path,
+        env=environment,
+        text=True,
+        capture_output=True,
+        check=True,
+    )
+    assert done.stdout == "4\n"
+    assert not list(tmp_path.rglob("*.nbi"))

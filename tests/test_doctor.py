@@ -87,4 +87,4 @@ def test_the_command_exits_with_1_where_something_is_broken(
     as_json = CliRunner().invoke(command, ["--json"], standalone_mode=False)
     report = json.loads(as_json.stdout)
     assert report["ok"] == (not code)
-    assert [check["name"] for check in report["checks"]] == ["vnav", "machine", "numpy"]
+    assert [check["name"] for check in report["checks"]] == ["vnav", "machine", "cache", "numpy"]

@@ -12,12 +12,13 @@ from dataclasses import dataclass
 from importlib import metadata
 
 from vnav import __version__
+from vnav.caches import code_cache
 
 # What answers for a library: the module whose self_test() uses it, "" where its version will do.
 OWNERS = {
     "numpy": "",
     "scipy": "",
-    "numba": "",
+    "numba": "vnav.compiled",
     "matplotlib": "",
     "opencv-contrib-python-headless": "vnav.features.sift",
     "gtsam": "vnav.optimisation.pose_graph",
@@ -54,7 +55,7 @@ def examine() -> list[Check]:
     """All checks, self-tests side by side, each in a process of its own: one may crash."""
     with ThreadPoolExecutor(_cores()) as pool:
         libraries = list(pool.map(library, OWNERS))
-    return [_python(), _machine(), *libraries]
+    return [_python(), _machine(), _cache(), *libraries]
 
 
 def library(distribution: str) -> Check:
@@ -108,6 +109,15 @@ def _machine() -> Check:
     total, free = (os.sysconf(name) * page / 1e9 for name in ("SC_PHYS_PAGES", "SC_AVPHYS_PAGES"))
     found = f"{_cores()} cores, {total:.1f} GB memory ({free:.1f} GB unused), {platform.machine()}"
     return Check("machine", True, found)
+
+
+def _cache() -> Check:
+    """Where compiled code is kept."""
+    folder = code_cache()
+    if folder is None:
+        found = "nowhere to keep compiled code: every run compiles anew, for about a minute"
+        return Check("cache", True, found, "set NUMBA_CACHE_DIR to a folder that you can write")
+    return Check("cache", True, f"compiled code is kept in {folder}")
 
 
 def _cores() -> int:

@@ -13,6 +13,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from vnav.caches import user_cache
 from vnav.core import se3
 from vnav.core.camera import Intrinsics
 from vnav.core.grid import FREE
@@ -101,7 +102,7 @@ def cached_capture(
     ``cache`` is ``$XDG_CACHE_HOME/vnav`` (``~/.cache/vnav``) unless given; CaptureError where it
     cannot be written.
     """
-    cache = cache or Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "vnav"
+    cache = cache or user_cache()
     folder = cache / _fingerprint(spec) / spec.name
     if folder.is_dir():
         return folder

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from vnav.caches import user_cache
 from vnav.core.progress import Progress, silent
 from vnav.errors import DatasetError
 from vnav.io.datasets.catalogue import PublicSequence
@@ -35,8 +36,7 @@ def datasets_folder() -> Path:
     """Where sequences are kept: ``$VNAV_DATASETS``, else ``vnav/datasets`` in the user's cache."""
     if named := os.environ.get("VNAV_DATASETS"):
         return Path(named)
-    cache = os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
-    return Path(cache) / "vnav" / "datasets"
+    return user_cache() / "datasets"
 
 
 def state(sequence: PublicSequence, root: Path) -> str:

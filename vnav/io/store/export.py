@@ -6,9 +6,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from vnav.errors import MapError
-from vnav.io.formats.ply import write_obj
+from vnav.io.formats.ply import read_mesh, write_obj
 from vnav.io.formats.trajectories import read_tum, write_kitti
-from vnav.io.store.artifacts import load_mesh
 from vnav.io.store.map_folder import MapFolder
 from vnav.io.whole_files import whole_file, write_text
 
@@ -77,7 +76,7 @@ def _copied(source: Path, out: Path) -> Path:
 
 
 def _obj(folder: MapFolder, out: Path) -> list[Path]:
-    write_obj(out / "mesh.obj", load_mesh(folder))
+    write_obj(out / "mesh.obj", read_mesh(folder.file("fuse", "mesh.ply")))
     return [out / "mesh.obj"]
 
 
