@@ -4,11 +4,12 @@ from pathlib import Path
 
 import click
 
+from vnav.cli.options import map_argument_or_option
 from vnav.io.store.export import PARTS
 
 
 @click.command()
-@click.argument("map_dir", metavar="MAP", type=click.Path(path_type=Path))
+@map_argument_or_option
 @click.option(
     "--out",
     type=click.Path(path_type=Path),
@@ -16,15 +17,16 @@ from vnav.io.store.export import PARTS
     show_default="the current folder",
     help="Folder to write to.",
 )
-def export(map_dir: Path, out: Path, **formats: str | None) -> None:
-    """Write parts of the map in the folder MAP, in the formats asked for; several at once.
+def export(map_dir: Path, out: Path, **formats: tuple[str, ...]) -> None:
+    """Write parts of a map in the formats asked for; several at once, also of one part.
 
     \b
     vnav export my-map --trajectory tum --cloud ply --out for-others
+    vnav export --map my-map --octomap bt --octomap ot
     """
     from vnav.api.map import open_map
 
-    wanted = {part: form for part, form in formats.items() if form is not None}
+    wanted = {part: forms for part, forms in formats.items() if forms}
     if not wanted:
         names = ", ".join(f"--{part}" for part in PARTS)
         raise click.UsageError(f"expected at least one of {names}")
@@ -34,6 +36,8 @@ def export(map_dir: Path, out: Path, **formats: str | None) -> None:
 
 
 export.params += [
-    click.Option([f"--{name}"], type=click.Choice(list(part.formats)), help=part.meaning)
+    click.Option(
+        [f"--{name}"], type=click.Choice(list(part.formats)), multiple=True, help=part.meaning
+    )
     for name, part in PARTS.items()
 ]

@@ -7,12 +7,19 @@ from typing import Any
 
 import click
 
+from vnav.cli.options import map_argument_or_option
+
 
 @click.command()
-@click.argument("map_dir", metavar="MAP", type=click.Path(path_type=Path))
+@map_argument_or_option
 @click.option("--json", "as_json", is_flag=True, help="Print everything as one JSON object.")
 def info(map_dir: Path, as_json: bool) -> None:
-    """Print what the map in the folder MAP holds, and which of its stages are up to date."""
+    """Print what a map holds, and which of its stages are up to date.
+
+    \b
+    vnav info my-map
+    vnav info --map my-map --json
+    """
     from vnav.api.map import open_map
 
     values = open_map(map_dir).info()
@@ -33,7 +40,8 @@ def _lines(values: dict[str, Any]) -> Iterator[tuple[str, str]]:
         yield "no pose", f"frames {where}: {span['reason']}"
     if "loops" in values:
         loops = values["loops"]
-        yield "loops", f"{loops['accepted']} of {loops['tried']} candidates accepted"
+        near = f"{loops['neighbours_accepted']} of {loops['neighbours_tried']} pairs of neighbours"
+        yield "loops", f"{loops['accepted']} of {loops['tried']} candidates accepted, and {near}"
     if "landmarks" in values:
         yield "path", f"{values['path_m']:.1f} m"
         yield "landmarks", str(values["landmarks"])

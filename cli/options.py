@@ -3,10 +3,12 @@
 import sys
 import time
 from collections.abc import Callable
+from functools import wraps
 from pathlib import Path
 from typing import Any, TypeVar
 
 import click
+from click.core import ParameterSource
 
 from vnav.cli.logs import is_quiet
 from vnav.core.progress import Progress, silent
@@ -22,6 +24,22 @@ map_option = click.option(
     show_default="$VNAV_MAP, else ./map",
     help="Folder of the map.",
 )
+
+
+def map_argument_or_option(command: Callable[..., Any]) -> Callable[..., Any]:
+    """Add [MAP] and --map, of which one at most is given, and which arrives as ``map_dir``."""
+
+    @wraps(command)
+    def with_one(map_named: Path | None, map_dir: Path, **others: Any) -> Any:
+        source = click.get_current_context().get_parameter_source("map_dir")
+        if map_named is not None and source is ParameterSource.COMMANDLINE:
+            raise click.UsageError("expected the map as MAP or with --map, found both")
+        return command(map_dir=map_named or map_dir, **others)
+
+    argument = click.argument(
+        "map_named", metavar="[MAP]", required=False, type=click.Path(path_type=Path)
+    )
+    return argument(map_option(with_one))
 
 
 def config_options(command: Command) -> Command:

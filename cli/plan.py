@@ -11,6 +11,14 @@ from vnav.cli.locate import CAMERA_HELP
 from vnav.cli.options import config_options, map_option, warn
 
 
+def _named_png(_context: click.Context, _option: click.Parameter, path: Path | None) -> Path | None:
+    """UsageError where a picture would get the name of something else."""
+    is_device = path is not None and path.exists() and not path.is_file()
+    if path is not None and path.suffix.lower() != ".png" and not is_device:
+        raise click.BadParameter(f"expected a name that ends in .png, found {path}")
+    return path
+
+
 @click.command()
 @click.option(
     "--from",
@@ -42,7 +50,13 @@ from vnav.cli.options import config_options, map_option, warn
 @click.option("--allow-unknown", is_flag=True, help="Cross space that was never seen.")
 @click.option("--json", "as_json", is_flag=True, help="Print the answer as one JSON object.")
 @click.option("--csv", "csv_file", type=click.Path(path_type=Path), help="Write x,y,yaw too.")
-@click.option("--png", "png_file", type=click.Path(path_type=Path), help="Draw the path too.")
+@click.option(
+    "--png",
+    "png_file",
+    type=click.Path(path_type=Path),
+    callback=_named_png,
+    help="Draw the path too, into a .png.",
+)
 def plan(
     start: str,
     goal: str,

@@ -4,13 +4,18 @@ from pathlib import Path
 
 import click
 
+from vnav.cli.options import map_argument_or_option
+
 
 @click.command()
-@click.argument("map_dir", metavar="MAP", type=click.Path(path_type=Path))
+@map_argument_or_option
 def report(map_dir: Path) -> None:
-    """Write reports/report.html in the folder MAP: numbers, pictures, warnings, loops, lost spans.
+    """Write reports/report.html in a map: numbers, pictures, warnings, loops, lost spans.
 
     The page is one file that needs nothing else.
+
+    \b
+    vnav report my-map
     """
     from vnav.api.map import open_map
 

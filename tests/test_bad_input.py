@@ -209,3 +209,10 @@ def test_a_photo_that_is_not_there_is_named(vnav: Vnav, whole_map: Path, tmp_pat
     code, out, err = vnav("locate", tmp_path / "none.jpg", "--map", whole_map)
     assert code == 1
     assert str(tmp_path / "none.jpg") in out + err
+
+
+def test_a_picture_of_a_path_gets_no_name_of_something_else(vnav: Vnav, tmp_path: Path) -> None:
+    code, _, said = vnav("plan", "--from", "0,0", "--to", "1,1", "--png", tmp_path / "path.xyz")
+    assert code == 2
+    assert "expected a name that ends in .png" in said
+    assert not (tmp_path / "path.xyz").exists()

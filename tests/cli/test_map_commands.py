@@ -4,6 +4,7 @@ import json
 import shutil
 from pathlib import Path
 
+import click
 import cv2
 import numpy as np
 import pytest
@@ -44,6 +45,28 @@ def test_info_tells_which_photo_was_located_last(tmp_path: Path) -> None:
     MapFolder.create(tmp_path / "map").write_current({"photo": "a.jpg", "T": [[1.0, 0.0]]})
     lines = run("info", tmp_path / "map").output.splitlines()
     assert "located     photo a.jpg" in lines
+
+
+@pytest.mark.parametrize("command", ["info", "report", "export"])
+def test_the_map_is_an_argument_an_option_or_the_usual_one(
+    command: str, fused_map: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    root = shutil.copytree(fused_map, tmp_path / "map")
+    options = ("--cloud", "ply") if command == "export" else ()
+    monkeypatch.chdir(tmp_path)
+    said = [run(command, *place, *options).output for place in ([root], ["--map", root], [])]
+    monkeypatch.setenv("VNAV_MAP", str(root))
+    monkeypatch.chdir("/")
+    out = ("--out", tmp_path) if command == "export" else ()
+    said.append(run(command, *options, *out).output)
+    assert [len(lines.splitlines()) for lines in said] == 4 * [len(said[0].splitlines())]
+    with pytest.raises(click.UsageError, match="as MAP or with --map, found both"):
+        run(command, root, "--map", root, *options)
+
+
+def test_several_formats_of_one_part_are_all_exported(fused_map: Path, tmp_path: Path) -> None:
+    run("export", fused_map, "--octomap", "bt", "--octomap", "ot", "--out", tmp_path)
+    assert {path.name for path in tmp_path.iterdir()} == {"occupancy.bt", "occupancy.ot"}
 
 
 @pytest.mark.parametrize("command", ["info", "report", "export"])

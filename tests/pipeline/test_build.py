@@ -9,6 +9,7 @@ from vnav.errors import MapError
 from vnav.io.sources.capture import Capture
 from vnav.io.sources.open_capture import open_capture
 from vnav.io.store.map_folder import STAGES, MapFolder
+from vnav.io.store.overview import overview
 from vnav.pipeline.build import build_map, expect_capture
 
 CONFIG = Config(features=FeaturesConfig(max_features=700))  # that of the map that is copied
@@ -62,6 +63,7 @@ def test_the_summary_tells_size_and_memory(folder: MapFolder, capture: Capture) 
     whole = build_map(folder, capture, CONFIG)[-2]
     size = sum(path.stat().st_size for path in folder.root.rglob("*") if path.is_file())
     assert whole.values["map_mb"] == pytest.approx(size / 1e6, rel=0.01)
+    assert overview(folder)["size_mb"] == whole.values["map_mb"]
     assert whole.values["peak_memory_mb"] > 50  # Python with numpy alone needs as much
     assert folder.report("map")["values"] == whole.values
 

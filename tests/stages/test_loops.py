@@ -163,12 +163,20 @@ def test_the_report_counts_the_verdicts(
     folder: MapFolder, verdicts: tuple[LoopVerdict, ...]
 ) -> None:
     values = folder.report("loops")["values"]
-    by_appearance = [v for v in verdicts if v.source != "proximity"]
-    assert values["tried"] == len(by_appearance)
-    assert values["accepted"] == sum(v.accepted for v in by_appearance)
+    closing = [v for v in verdicts if v.is_loop]
+    assert values["tried"] == len(closing)
+    assert values["accepted"] == sum(v.accepted for v in closing)
     assert values["accepted"] + values["rejected"] == values["tried"]
-    assert values["proximity_tried"] == len(verdicts) - len(by_appearance)
-    assert sum(values["reasons"].values()) == sum(not v.accepted for v in verdicts)
+    assert values["neighbours_tried"] == len(verdicts) - len(closing) > 0
+    assert sum(values["reasons"].values()) == values["rejected"]
+
+
+def test_neighbours_in_time_are_no_loops(
+    odometry: Odometry, verdicts: tuple[LoopVerdict, ...]
+) -> None:
+    stamps_s = odometry.frames.stamp_s[odometry.keyframe_rows]
+    apart_s = [stamps_s[v.j] - stamps_s[v.i] for v in verdicts]
+    assert [v.is_loop for v in verdicts] == [s > CONFIG.loops.exclude_s for s in apart_s]
 
 
 def test_segments_are_joined_however_soon_one_follows_the_other(

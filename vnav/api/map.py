@@ -197,11 +197,17 @@ class Map:
 
         return map_page.write(self._folder)
 
-    def export(self, out: AnyPath, wanted: Mapping[str, str]) -> dict[str, list[Path]]:
-        """Write parts of the map for other programs, {"cloud": "ply"}; the files of each part."""
+    def export(
+        self, out: AnyPath, wanted: Mapping[str, str | Sequence[str]]
+    ) -> dict[str, list[Path]]:
+        """Write parts of the map for other programs, {"cloud": "ply"}; the files of each part.
+
+        A part may be wanted in several formats, {"octomap": ["bt", "ot"]}.
+        """
         from vnav.io.store.export import export
 
-        return export(self._folder, Path(out), wanted)
+        forms = {k: (v,) if isinstance(v, str) else v for k, v in wanted.items()}
+        return export(self._folder, Path(out), forms)
 
     def _locator(self, config: Config, camera: PhotoCameraSource) -> "Locator":
         from vnav.stages.locate import Locator

@@ -81,7 +81,7 @@ def implausible_units(used: float, look: FrameFindings, fitting: float | None) -
     return (
         f"expected indoor depth, found a median of {middle:.3g} m and nine tenths from {near:.3g}"
         f" to {far:.3g} m: units_per_metre = {used:g} is probably wrong, {hint}; correct the camera"
-        " or use --set capture.units_per_metre=..., or --force if it is right"
+        " or use --set capture.units_per_metre=...; if it is right, use 'vnav build-map --force'"
     )
 
 

@@ -47,5 +47,5 @@ class Grid:
         return np.asarray(((rc >= 0) & (rc < self.cells.shape)).all(-1))
 
     def area_m2(self, state: int) -> float:
-        """Floor area of the cells in one state."""
-        return float((self.cells == state).sum() * self.resolution_m**2)
+        """Floor area of the cells in one state, to a square centimetre: alike wherever shown."""
+        return round(float((self.cells == state).sum() * self.resolution_m**2), 4)

@@ -1,8 +1,10 @@
 """What the stages of a map hand to each other."""
 
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from itertools import groupby
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -130,7 +132,8 @@ class LoopVerdict:
     """One candidate pair of keyframes (numbers into the keyframes), accepted or not, and why.
 
     ``source``: "appearance", "ends" or "proximity"; ``score`` its TF-IDF similarity or, for
-    proximity, the share of the view that both see.
+    proximity, the share of the view that both see. ``is_loop``: of another time, segment or
+    capture; the others are neighbours, which close nothing.
     """
 
     i: int
@@ -141,6 +144,22 @@ class LoopVerdict:
     reason: str
     matches: int
     inliers: int
+    is_loop: bool = True
+
+
+def counted(verdicts: Sequence[LoopVerdict]) -> dict[str, Any]:
+    """Loops ``tried, accepted, rejected``, why (``reasons``), and neighbours tried and accepted."""
+    loops = [v for v in verdicts if v.is_loop]
+    neighbours = [v for v in verdicts if not v.is_loop]
+    reasons = Counter(v.reason for v in loops if not v.accepted)
+    return {
+        "tried": len(loops),
+        "accepted": len(loops) - reasons.total(),
+        "rejected": reasons.total(),
+        "reasons": dict(sorted(reasons.items())),
+        "neighbours_tried": len(neighbours),
+        "neighbours_accepted": sum(v.accepted for v in neighbours),
+    }
 
 
 @dataclass(frozen=True)

@@ -171,5 +171,5 @@ def _true_poses(trajectory: Trajectory, truth: Trajectory) -> Trajectory:
 def _closures_s(folder: MapFolder) -> Array:
     odometry = load_odometry(folder)
     stamps_s = odometry.frames.stamp_s[[keyframe.row for keyframe in odometry.keyframes]]
-    pairs = [(v.i, v.j) for v in load_loops(folder) if v.accepted]
+    pairs = [(v.i, v.j) for v in load_loops(folder) if v.accepted and v.is_loop]
     return np.asarray(stamps_s[np.array(pairs, int).reshape(-1, 2)])

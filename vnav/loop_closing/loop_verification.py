@@ -17,7 +17,7 @@ from vnav.core.frame import Edge, PoseEstimate, Rejected
 from vnav.core.mapping import FrameFeatures, LoopVerdict, Odometry
 from vnav.core.progress import Progress, silent
 from vnav.features.matching import DescriptorMatcher
-from vnav.loop_closing.loop_candidates import LoopCandidate
+from vnav.loop_closing.loop_candidates import LoopCandidate, are_apart
 from vnav.registration.judge import CLEAR
 from vnav.registration.points3d import PointRegistration
 
@@ -44,19 +44,18 @@ class Closures:
         """Pairs that have a verdict."""
         return {(v.i, v.j) for v in self.verdicts}
 
-    def reject(self, candidate: LoopCandidate, why: Rejected) -> None:
+    def reject(self, candidate: LoopCandidate, why: Rejected, is_loop: bool) -> None:
         """Add the verdict on a candidate."""
-        c = candidate
-        self.verdicts.append(
-            LoopVerdict(c.i, c.j, c.source, c.score, False, why.reason, why.matches, why.inliers)
-        )
+        c, found = candidate, (why.reason, why.matches, why.inliers)
+        self.verdicts.append(LoopVerdict(c.i, c.j, c.source, c.score, False, *found, is_loop))
 
-    def accept(self, candidate: LoopCandidate, edge: Edge, estimate: PoseEstimate) -> None:
+    def accept(
+        self, candidate: LoopCandidate, edge: Edge, estimate: PoseEstimate, is_loop: bool
+    ) -> None:
         """Add the verdict on a candidate, its edge and its inliers."""
         c, inliers = candidate, estimate.inliers
-        self.verdicts.append(
-            LoopVerdict(c.i, c.j, c.source, c.score, True, "", estimate.matches, len(inliers))
-        )
+        found = "", estimate.matches, len(inliers)
+        self.verdicts.append(LoopVerdict(c.i, c.j, c.source, c.score, True, *found, is_loop))
         self.edges.append(edge)
         columns = (
             np.full(len(inliers), c.i),
@@ -84,6 +83,7 @@ class LoopVerifier:
         """
         self._log_odds = log_odds
         self._odometry, self._cameras, self._seed = odometry, cameras, config.seed
+        self._apart = are_apart(odometry, config.loops.exclude_s)
         self._added_noise = np.deg2rad(config.loops.sigma_deg), config.loops.sigma_m
         # Features without depth mostly lie on edges, which look otherwise from afar.
         self._of_neighbours = dataclasses.replace(config.registration, one_sided_depth=False)
@@ -109,10 +109,11 @@ class LoopVerifier:
             estimates = pool.map(lambda c: self._register(c, T_world_camera), candidates)
             for n, (candidate, estimate) in enumerate(zip(candidates, estimates, strict=True), 1):
                 self._progress("loops", n, len(candidates))
+                is_loop = bool(self._apart[candidate.i, candidate.j])
                 if isinstance(estimate, Rejected):
-                    found.reject(candidate, estimate)
+                    found.reject(candidate, estimate, is_loop)
                 else:
-                    found.accept(candidate, self._edge(candidate, estimate), estimate)
+                    found.accept(candidate, self._edge(candidate, estimate), estimate, is_loop)
 
     def _register(
         self, candidate: LoopCandidate, T_world_camera: Array | None

@@ -96,9 +96,7 @@ def judged(folder: MapFolder, config: Config) -> Report:
 
 def whole(folder: MapFolder) -> Report:
     """Size of the map and memory that it took."""
-    files = [path for path in folder.root.rglob("*") if path.is_file()]
-    size_mb = sum(path.stat().st_size for path in files) / 1e6
-    memory_mb = peak_memory_mb()
-    values = {"map_mb": round(size_mb, 1), "peak_memory_mb": round(memory_mb)}
-    lines = (f"{size_mb:.0f} MB on disk, peak memory {memory_mb:.0f} MB",)
+    size_mb, memory_mb = folder.size_mb(), peak_memory_mb()
+    values = {"map_mb": size_mb, "peak_memory_mb": round(memory_mb)}
+    lines = (f"{size_mb:.1f} MB on disk, peak memory {memory_mb:.0f} MB",)
     return Report("map", values, lines)

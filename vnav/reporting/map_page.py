@@ -70,7 +70,7 @@ def _tiles(values: dict[str, Any]) -> str:
         tiles["path"] = f"{values['path_m']:.1f} m"
     if "grid" in values:
         tiles["free floor"] = f"{values['grid']['area_m2']['free']:.1f} m²"
-    tiles["on disk"] = f"{values['size_mb']:.0f} MB"
+    tiles["on disk"] = f"{values['size_mb']:.1f} MB"
     return html.tiles(tiles)
 
 
@@ -119,7 +119,8 @@ def _loops(values: dict[str, Any], verdicts: Sequence[LoopVerdict]) -> str:
     head = ("keyframes", "found by", "score", "matches", "inliers", "verdict")
     table = html.table(head, (_verdict(v) for v in verdicts))
     return (
-        f"<h2>Loops</h2>\n<p>{loops['tried']} candidates tried.</p>\n"
+        f"<h2>Loops</h2>\n<p>{loops['tried']} candidates tried, and {loops['neighbours_tried']}"
+        f" pairs of neighbours, of which {loops['neighbours_accepted']} were accepted.</p>\n"
         + html.table(("verdict", "candidates"), counts)
         + f"<details><summary>Every candidate</summary>{table}</details>"
     )
@@ -129,4 +130,5 @@ def _verdict(v: LoopVerdict) -> tuple[object, ...]:
     state = "accepted" if v.accepted else "rejected"
     text = state if v.accepted else f"rejected: {escape(v.reason)}"
     verdict = f'<span class="{state}">{text}</span>'
-    return f"{v.i}, {v.j}", escape(v.source), f"{v.score:.3f}", v.matches, v.inliers, verdict
+    source = v.source if v.is_loop else f"{v.source}, neighbours"
+    return f"{v.i}, {v.j}", escape(source), f"{v.score:.3f}", v.matches, v.inliers, verdict

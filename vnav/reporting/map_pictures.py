@@ -66,7 +66,8 @@ def trajectory_figure(
     for capture in np.unique(odometry.frames.capture):
         _draw_path(axes, path[odometry.frames.capture == capture])
     rows = [keyframe.row for keyframe in odometry.keyframes]
-    ends = np.array([[rows[v.i], rows[v.j]] for v in loops if v.accepted], int).reshape(-1, 2)
+    closed = [(rows[v.i], rows[v.j]) for v in loops if v.accepted and v.is_loop]
+    ends = np.array(closed, int).reshape(-1, 2)
     axes.add_collection(LineCollection(list(path[ends]), colors="#8e24aa", lw=0.5, alpha=0.3))
     axes.plot(*path[rows].T, ".", color="#0d47a1", ms=3)
     entries = [

@@ -123,7 +123,7 @@ def _report(
 ) -> Report:
     states = {"free": FREE, "occupied": OCCUPIED, "unknown": UNKNOWN}
     share = {name: float((grid.cells == state).mean()) for name, state in states.items()}
-    area_m2 = {name: round(grid.area_m2(state), 2) for name, state in states.items()}
+    area_m2 = {name: grid.area_m2(state) for name, state in states.items()}
     rows, columns = grid.cells.shape
     values: dict[str, Any] = {
         "keyframes": keyframes,

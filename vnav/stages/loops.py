@@ -1,6 +1,5 @@
 """Which keyframes see the same place again: claim 3, S6 and the edges of S7."""
 
-from collections import Counter
 from collections.abc import Sequence
 from functools import partial
 
@@ -11,7 +10,7 @@ from vnav.config import Config
 from vnav.core.arrays import Array
 from vnav.core.camera import Intrinsics
 from vnav.core.frame import Edge
-from vnav.core.mapping import LoopVerdict, Odometry
+from vnav.core.mapping import LoopVerdict, Odometry, counted
 from vnav.core.progress import Progress, silent
 from vnav.core.report import Report
 from vnav.core.tree import VocabularyTree
@@ -87,19 +86,9 @@ def _poses(
 
 
 def _report(verdicts: Sequence[LoopVerdict]) -> Report:
-    far = [v for v in verdicts if v.source != "proximity"]
-    near = [v for v in verdicts if v.source == "proximity"]
-    accepted, near_accepted = (sum(v.accepted for v in group) for group in (far, near))
-    values = {
-        "tried": len(far),
-        "accepted": accepted,
-        "rejected": len(far) - accepted,
-        "proximity_tried": len(near),
-        "proximity_accepted": near_accepted,
-        "reasons": dict(Counter(v.reason for v in verdicts if not v.accepted)),
-    }
+    values = counted(verdicts)
     line = (
-        f"{len(far)} loop candidates tried, {accepted} accepted;"
-        f" {near_accepted} more pairs of {len(near)} near each other"
+        f"{values['accepted']} of {values['tried']} loop candidates accepted, and"
+        f" {values['neighbours_accepted']} of {values['neighbours_tried']} pairs of neighbours"
     )
     return Report(STAGE, values, (line,))

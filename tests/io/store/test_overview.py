@@ -31,6 +31,8 @@ def test_frames_keyframes_and_loops_are_counted(fused_map: Path) -> None:
         "accepted": 1,
         "rejected": 1,
         "reasons": {"too few inliers": 1},
+        "neighbours_tried": 0,
+        "neighbours_accepted": 0,
     }
 
 

@@ -1,7 +1,7 @@
 """Copies of what a map holds, in the formats that other programs read."""
 
 import shutil
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -14,7 +14,9 @@ from vnav.io.whole_files import whole_file, write_text
 Writer = Callable[[MapFolder, Path], list[Path]]
 
 
-def export(folder: MapFolder, out: Path, wanted: Mapping[str, str]) -> dict[str, list[Path]]:
+def export(
+    folder: MapFolder, out: Path, wanted: Mapping[str, Sequence[str]]
+) -> dict[str, list[Path]]:
     """Write what is wanted, parts and formats of `PARTS`, into ``out``; the files of each part.
 
     Files of the same names are replaced. StaleArtifact names the command to run where a stage is
@@ -30,7 +32,10 @@ def export(folder: MapFolder, out: Path, wanted: Mapping[str, str]) -> dict[str,
         folder.stage(PARTS[part].stage)
     try:
         out.mkdir(parents=True, exist_ok=True)
-        return {part: PARTS[part].formats[form](folder, out) for part, form in wanted.items()}
+        return {
+            part: [p for form in forms for p in PARTS[part].formats[form](folder, out)]
+            for part, forms in wanted.items()
+        }
     except OSError as error:
         raise MapError(
             f"expected to write to {out}, found: {error.strerror}; name another folder with --out"

@@ -54,6 +54,11 @@ class MapFolder:
         _put_back(root)
         path = root / "map.json"
         if not path.is_file():
+            if root.is_dir() and any(root.iterdir()):
+                raise MapError(
+                    f"expected a map at {root}, found a folder without map.json; name a map with"
+                    " --map, or make one in a folder of its own: 'vnav build-map CAPTURE --map MAP'"
+                )
             raise MapError(
                 f"expected a map at {root}, found no map.json; make one with 'vnav build-map"
                 f" CAPTURE --map {root}' or name another with --map"
@@ -181,6 +186,11 @@ class MapFolder:
                     f" made by {version}; build the map anew with 'vnav build-map CAPTURE --map"
                     f" {self.root} --fresh'"
                 )
+
+    def size_mb(self, *stages: str) -> float:
+        """Size of some stages on disk, of all by default; without reports, which come and go."""
+        files = (p for stage in stages or STAGES for p in (self.root / stage).rglob("*"))
+        return round(sum(p.stat().st_size for p in files if p.is_file()) / 1e6, 2)
 
     def foreign_files(self) -> list[Path]:
         """What lies in the folder and is not vnav's."""

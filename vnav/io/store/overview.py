@@ -1,11 +1,11 @@
 """What a map holds, read from its folder; stages that are missing or stale are left out."""
 
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from vnav.core.grid import FREE, OCCUPIED, UNKNOWN
+from vnav.core.mapping import counted
 from vnav.io.store.artifacts import load_grid, load_loops, load_odometry, load_optimised
 from vnav.io.store.map_folder import STAGES, MapFolder
 
@@ -17,21 +17,22 @@ def overview(folder: MapFolder) -> dict[str, Any]:
     """Plain values for people and JSON.
 
     Always there: ``captures`` (id, name, frames, image size), ``stages`` (state "current", "stale"
-    or "missing", size, seconds of the last run), ``size_mb``, ``current`` (the last located pose
-    or None), ``quality`` (the verdict on the map and its reasons, None before it is finished).
+    or "missing", size, seconds of the last run), ``size_mb`` of these, ``current`` (the last
+    located pose or None), ``quality`` (the verdict on the map and its reasons, None before it is
+    finished).
     With odometry: ``frames, tracked, posed, keyframes, lost`` (spans of one capture, with the
-    reason). With loops: ``loops`` (tried, accepted, rejected, and reasons counted). With
+    reason). With loops: ``loops``, as `counted` has them. With
     optimise: ``landmarks, world, path_m``. With fuse: ``grid`` (size, area of each state).
     """
     states = {stage: _state(folder, stage) for stage in STAGES}
     current = {stage for stage, state in states.items() if state == "current"}
     values: dict[str, Any] = {
         "map": str(folder.root),
-        "size_mb": _size_mb(folder.root),
+        "size_mb": folder.size_mb(),
         "stages": {
             stage: {
                 "state": state,
-                "size_mb": _size_mb(folder.root / stage),
+                "size_mb": folder.size_mb(stage),
                 "seconds": folder.report(stage).get("seconds"),
             }
             for stage, state in states.items()
@@ -46,7 +47,7 @@ def overview(folder: MapFolder) -> dict[str, Any]:
     if "odometry" in current:
         values |= _frames(folder, "optimise" in current)
     if "loops" in current:
-        values |= _loops(folder)
+        values["loops"] = counted(load_loops(folder))
     if "fuse" in current:
         values |= _grid(folder)
     return values
@@ -64,10 +65,6 @@ def _state(folder: MapFolder, stage: str) -> str:
     if folder.has(stage):
         return "current"
     return "stale" if (folder.root / stage / "stage.json").is_file() else "missing"
-
-
-def _size_mb(path: Path) -> float:
-    return round(sum(p.stat().st_size for p in path.rglob("*") if p.is_file()) / 1e6, 2)
 
 
 def _frames(folder: MapFolder, is_optimised: bool) -> dict[str, Any]:
@@ -97,21 +94,6 @@ def _frames(folder: MapFolder, is_optimised: bool) -> dict[str, Any]:
     return values | {"lost": [vars(span) for span in odometry.frames.lost_spans(reasons)]}
 
 
-def _loops(folder: MapFolder) -> dict[str, Any]:
-    verdicts = load_loops(folder)
-    accepted = sum(verdict.accepted for verdict in verdicts)
-    rejected = [verdict.reason for verdict in verdicts if not verdict.accepted]
-    counts = {reason: rejected.count(reason) for reason in sorted(set(rejected))}
-    return {
-        "loops": {
-            "tried": len(verdicts),
-            "accepted": accepted,
-            "rejected": len(rejected),
-            "reasons": counts,
-        }
-    }
-
-
 def _grid(folder: MapFolder) -> dict[str, Any]:
     grid = load_grid(folder)
     rows, columns = grid.cells.shape
@@ -120,6 +102,6 @@ def _grid(folder: MapFolder) -> dict[str, Any]:
         "grid": {
             "size_m": [round(columns * grid.resolution_m, 3), round(rows * grid.resolution_m, 3)],
             "resolution_m": grid.resolution_m,
-            "area_m2": {name: round(grid.area_m2(state), 2) for name, state in states.items()},
+            "area_m2": {name: grid.area_m2(state) for name, state in states.items()},
         }
     }

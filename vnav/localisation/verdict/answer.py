@@ -134,7 +134,8 @@ def _rivals(result: Located | NotLocated) -> str:
     if len(likely) < 2:
         return ""
     places = [f"{x:.2f} {y:.2f} {z:.2f} m ({chance:.0%})" for (x, y, z), chance in likely]
-    return f": at {' or '.join(places)}"
+    sure = sum(chance for _, chance in likely)
+    return f"; {' or '.join(places)} may be it, and with {1 - sure:.0%} none of these"
 
 
 def _pose(view: View | None) -> dict[str, Any]:
