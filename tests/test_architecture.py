@@ -48,6 +48,7 @@ OWNERS = {
         "vnav.threads",
     },
     "matplotlib": {"vnav.reporting"},
+    "msgspec": {"vnav.io.store"},
     "numpy": {"vnav"},
     "numba": {"vnav.compiled"},
     "scipy": {"vnav"},

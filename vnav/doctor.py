@@ -20,6 +20,7 @@ OWNERS = {
     "scipy": "",
     "numba": "vnav.compiled",
     "matplotlib": "",
+    "msgspec": "",
     "opencv-contrib-python-headless": "vnav.features.sift",
     "gtsam": "vnav.optimisation.pose_graph",
     "octomap-python": "vnav.volumes.octree",

@@ -23,7 +23,7 @@ def folder(tmp_path: Path, whole_map: Path) -> MapFolder:
 
 def test_every_landmark_of_the_map_is_indexed(folder: MapFolder) -> None:
     report = index.run(folder, Config())
-    found = load_index(folder)
+    found = load_index(folder, load_tree(folder))
     landmarks = load_optimised(folder).landmarks
     np.testing.assert_array_equal(found.points_world, landmarks.points_world)
     assert report.values["landmarks"] == len(landmarks)
@@ -37,7 +37,7 @@ def test_landmarks_of_what_has_departed_are_kept_and_not_matched(
     departed = np.arange(len(landmarks)) % 10 == 0
     monkeypatch.setattr(index, "load_departed", lambda _: departed)
     report = index.run(folder, Config())
-    found = load_index(folder)
+    found = load_index(folder, load_tree(folder))
     np.testing.assert_array_equal(found.retired, departed)
     np.testing.assert_array_equal(found.points_world, landmarks.points_world)
     assert not departed[found.owner].any()
@@ -57,7 +57,7 @@ def test_keyframes_are_found_again(folder: MapFolder) -> None:
 def test_what_is_occupied_stands_in_the_way(folder: MapFolder) -> None:
     index.run(folder, Config())
     leaves = Octree.read(folder.stage("fuse") / "occupancy.bt").leaves()
-    voxels = load_index(folder).voxels
+    voxels = load_index(folder, load_tree(folder)).voxels
     np.testing.assert_array_equal(voxels.stands_at(leaves.centres_world), leaves.occupied)
     outside = leaves.centres_world.max(0) + 1
     assert not voxels.stands_at(outside)
@@ -79,7 +79,7 @@ def test_the_same_map_gives_the_same_bytes(folder: MapFolder) -> None:
 
 def test_without_an_index_the_command_that_makes_it_is_named(folder: MapFolder) -> None:
     with pytest.raises(StaleArtifact, match="vnav index"):
-        load_index(folder)
+        load_index(folder, load_tree(folder))
 
 
 @pytest.mark.parametrize("keep", [0, 1000])
@@ -88,7 +88,7 @@ def test_a_damaged_index_is_told(folder: MapFolder, keep: int) -> None:
     path = folder.stage("index") / "index.npz"
     path.write_bytes(path.read_bytes()[:keep])
     with pytest.raises(MapError, match="vnav index"):
-        load_index(folder)
+        load_index(folder, load_tree(folder))
 
 
 def test_a_damaged_tree_is_told(folder: MapFolder) -> None:

@@ -1,6 +1,5 @@
 """The vocabulary tree as a value: nodes, and the words of descriptors."""
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -97,9 +96,3 @@ class VocabularyTree:
             "children": self.children,
             "level": self.level,
         }
-
-    @classmethod
-    def from_arrays(cls, arrays: Mapping[str, NDArray[Any]]) -> "VocabularyTree":
-        """The tree that was stored; KeyError where an array is missing."""
-        names = ("centres", "first_child", "children", "level")
-        return cls(*(arrays[name] for name in names))

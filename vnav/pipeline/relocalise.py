@@ -80,7 +80,8 @@ def relocalise(
     ``folder`` is the map without that capture, ``odometry`` the one with it, whose last capture
     was taken by ``camera``.
     """
-    database = LandmarkDatabase(load_index(folder), load_tree(folder))
+    tree = load_tree(folder)
+    database = LandmarkDatabase(load_index(folder, tree), tree)
 
     def locate(keyframe: FrameFeatures) -> Located | NotLocated:
         photo = prepare(keyframe.features, camera, 0.0, database.tree)

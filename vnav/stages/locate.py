@@ -62,7 +62,8 @@ class Locator:
     def open(cls, folder: MapFolder, config: Config, camera: PhotoCameraSource = None) -> "Locator":
         """Load what is needed of a map; StaleArtifact where it has no index."""
         Thread(target=load_compiled).start()  # while the index is read and features are found
-        database = LandmarkDatabase(load_index(folder), load_tree(folder))
+        tree = load_tree(folder)
+        database = LandmarkDatabase(load_index(folder, tree), tree)
         cameras = tuple(map_camera(folder, k) for k in range(len(folder.captures)))
         recorded = {"features": folder.settings("odometry")["features"]}
         features = updated(Config(), recorded, f"the stage odometry of {folder.root}").features

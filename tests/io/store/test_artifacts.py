@@ -79,7 +79,8 @@ def assert_same(a: object, b: object) -> None:
         for x, y in zip(a, b, strict=True):  # type: ignore[call-overload]
             assert_same(x, y)
     elif hasattr(a, "__dataclass_fields__"):
-        assert_same(tuple(vars(a).values()), tuple(vars(b).values()))
+        fields = a.__dataclass_fields__
+        assert_same(*(tuple(getattr(x, name) for name in fields) for x in (a, b)))
     else:
         assert a == b
 
@@ -121,6 +122,7 @@ def test_loops_are_loaded_as_they_were_saved(folder: MapFolder) -> None:
         LoopVerdict(1, 7, "proximity", 0.5, False, "too few matches", 3, 0),
     )
     accepted, matches = edges(1), RNG.integers(0, 9, (60, 4)).astype(np.int32)
+    saved(folder, "odometry", lambda draft: artifacts.save_odometry(draft, odometry()))
     saved(folder, "loops", lambda draft: artifacts.save_loops(draft, verdicts, accepted, matches))
     assert artifacts.load_loops(folder) == verdicts
     assert_same((accepted, matches), artifacts.load_loop_edges(folder))
@@ -128,6 +130,7 @@ def test_loops_are_loaded_as_they_were_saved(folder: MapFolder) -> None:
 
 def test_no_loops_are_legal(folder: MapFolder) -> None:
     none = np.zeros((0, 4), np.int32)
+    saved(folder, "odometry", lambda draft: artifacts.save_odometry(draft, odometry()))
     saved(folder, "loops", lambda draft: artifacts.save_loops(draft, [], [], none))
     assert artifacts.load_loops(folder) == ()
     assert_same(((), none), artifacts.load_loop_edges(folder))
@@ -136,7 +139,8 @@ def test_no_loops_are_legal(folder: MapFolder) -> None:
 @pytest.mark.parametrize("world", [World("floor", 900, 0.01), World("cameras", 0, None)])
 def test_the_optimised_map_is_loaded_as_it_was_saved(folder: MapFolder, world: World) -> None:
     landmarks = Landmarks(RNG.random((3, 3)), RNG.random(3), [0, 0, 2], [0, 1, 1], [4, 2, 0])
-    poses = se3.exp(RNG.standard_normal((5, 6)))
+    saved(folder, "odometry", lambda draft: artifacts.save_odometry(draft, odometry()))
+    poses = se3.exp(RNG.standard_normal((4, 6)))
     result = OptimisedMap(poses, RNG.random((2, 6, 6)), landmarks, world, 0.02)
     saved(folder, "optimise", lambda draft: artifacts.save_optimised(draft, result))
     assert_same(result, artifacts.load_optimised(folder))

@@ -1,6 +1,8 @@
 """Arrays on disk: npz, uncompressed, never pickled."""
 
+import struct
 import zipfile
+import zlib
 from pathlib import Path
 from typing import Any
 
@@ -9,6 +11,10 @@ from numpy.typing import NDArray
 
 from vnav.errors import MapError
 
+DAMAGED = (  # what numpy and zipfile raise for files that are not theirs
+    *(OSError, ValueError, EOFError, KeyError, IndexError, TypeError, AttributeError, SyntaxError),
+    *(RuntimeError, MemoryError, OverflowError, zipfile.BadZipFile, zlib.error, struct.error),
+)
 Arrays = dict[str, NDArray[Any]]
 
 
@@ -23,5 +29,5 @@ def load_arrays(path: Path, mend: str) -> Arrays:
     try:
         with np.load(path, allow_pickle=False) as file:
             return dict(file)
-    except (OSError, ValueError, EOFError, zipfile.BadZipFile) as error:
+    except DAMAGED as error:
         raise MapError(f"expected arrays in {path}, found: {error}; {mend}") from error

@@ -1,12 +1,12 @@
 """The arrays that mapping stages leave in the map folder, saved and loaded."""
 
-import json
 import shutil
 from collections.abc import Iterable
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import cv2
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
@@ -26,21 +26,29 @@ from vnav.core.point_cloud import Mesh, PointCloud
 from vnav.core.reduced_frame import in_pixels
 from vnav.core.trajectory import Trajectory
 from vnav.errors import MapError
-from vnav.io.formats.arrays_file import Arrays, load_arrays, save_arrays
+from vnav.io.formats.arrays_file import Arrays, save_arrays
 from vnav.io.formats.grid_files import read_grid
 from vnav.io.formats.ply import read_cloud, read_mesh
 from vnav.io.formats.trajectories import read_tum
 from vnav.io.store.map_folder import MapFolder, to_json
+from vnav.io.store.schemas import load_table
 from vnav.io.whole_files import write_text
 
+Kind = TypeVar("Kind")
 DEPTH_UNITS_PER_METRE = 5000  # of the keyframes' depth images: 0.2 mm steps up to 13.1 m
 MEND = "build the map anew with 'vnav build-map CAPTURE --fresh'"
 
 
 def map_camera(folder: MapFolder, capture: int = 0) -> Intrinsics:
     """The undistorted colour camera that the frames of a capture of this map were seen by."""
-    camera = folder.captures[capture]["camera"]
-    return Intrinsics(**(camera | {"distortion": tuple(camera.get("distortion", ()))}))
+    path, found = folder.root / "map.json", folder.captures[capture].get("camera")
+    try:
+        camera = msgspec.convert(found, Intrinsics)
+    except msgspec.ValidationError as error:
+        raise MapError(f"expected a camera in {path}, found: {error}; {MEND}") from error
+    if min(camera.width, camera.height, camera.fx, camera.fy) <= 0:
+        raise MapError(f"expected a camera in {path}, found lengths of 0 and less; {MEND}")
+    return camera
 
 
 def map_cameras(folder: MapFolder) -> list[Intrinsics]:
@@ -72,18 +80,18 @@ def save_odometry(draft: Path, odometry: Odometry) -> None:
 def load_odometry(folder: MapFolder) -> Odometry:
     """The result of the odometry stage."""
     frames = _load(folder, "odometry", "frames")
-    lost = _load_json(folder, "odometry", "lost")
+    lost, rows = _load_json(folder, "odometry", "lost", dict[str, str]), len(frames["index"])
     return Odometry(
         FrameTable(frames["capture"], frames["index"], frames["stamp_s"]),
         frames["T_segment_camera"],
         frames["segment"],
         tuple(lost.get(str(row), "") for row in range(len(frames["index"]))),
-        edges_from_arrays(_load(folder, "odometry", "edges")),
-        _keyframes_from_arrays(_load(folder, "odometry", "keyframes")),
+        edges_from_arrays(_load(folder, "odometry", "edges", N=rows)),
+        _keyframes_from_arrays(_load(folder, "odometry", "keyframes", N=rows)),
         bool(frames.get("given", False)),
         frames.get("T_world_before"),
-        edges_from_arrays(_load(folder, "odometry", "degenerate_edges")),
-        edges_from_arrays(_load(folder, "odometry", "alternatives")),
+        edges_from_arrays(_load(folder, "odometry", "degenerate_edges", N=rows)),
+        edges_from_arrays(_load(folder, "odometry", "alternatives", N=rows)),
         frames["moving_share"],
     )
 
@@ -189,7 +197,7 @@ def load_loops(folder: MapFolder, stage: str | None = None) -> tuple[LoopVerdict
     "loops" judges by matches, "optimise" by the pose graph as well.
     """
     stage = stage or ("optimise" if folder.has("optimise") else "loops")
-    return tuple(LoopVerdict(**verdict) for verdict in _load_json(folder, stage, "verdicts"))
+    return _load_json(folder, stage, "verdicts", tuple[LoopVerdict, ...])
 
 
 def load_loop_edges(folder: MapFolder) -> tuple[tuple[Edge, ...], NDArray[np.int32]]:
@@ -197,7 +205,7 @@ def load_loop_edges(folder: MapFolder) -> tuple[tuple[Edge, ...], NDArray[np.int
 
     A match names keyframe and feature, keyframe and feature.
     """
-    edges = edges_from_arrays(_load(folder, "loops", "edges"))
+    edges = edges_from_arrays(_load(folder, "loops", "edges", N=_frames(folder)))
     return edges, _load(folder, "loops", "matches")["matches"]
 
 
@@ -215,10 +223,10 @@ def save_optimised(draft: Path, result: OptimisedMap) -> None:
 
 def load_optimised(folder: MapFolder) -> OptimisedMap:
     """The result of the optimise stage."""
-    arrays = _load(folder, "optimise", "map")
+    arrays = _load(folder, "optimise", "map", N=_frames(folder))
     poses, covariance = arrays.pop("T_world_camera"), arrays.pop("keyframe_covariance")
     delay_s = float(arrays.pop("depth_delay_s", 0.0))
-    world = World(**_load_json(folder, "optimise", "world"))
+    world = _load_json(folder, "optimise", "world", World)
     return OptimisedMap(poses, covariance, Landmarks(**arrays), world, delay_s)
 
 
@@ -239,7 +247,7 @@ def save_mended_edges(draft: Path, edges: Iterable[Edge]) -> None:
 
 def load_mended_edges(folder: MapFolder) -> tuple[Edge, ...]:
     """Odometry's edges that the poses of the optimise stage stand on."""
-    return edges_from_arrays(_load(folder, "optimise", "edges"))
+    return edges_from_arrays(_load(folder, "optimise", "edges", N=_frames(folder)))
 
 
 def edges_to_arrays(edges: Iterable[Edge]) -> Arrays:
@@ -305,13 +313,17 @@ def load_mesh(folder: MapFolder) -> Mesh:
     return read_mesh(folder.file("fuse", "mesh.ply"))
 
 
-def _load(folder: MapFolder, stage: str, name: str) -> Arrays:
-    return load_arrays(folder.file(stage, f"{name}.npz"), MEND)
+def _frames(folder: MapFolder) -> int:
+    return len(_load(folder, "odometry", "frames")["index"])
 
 
-def _load_json(folder: MapFolder, stage: str, name: str) -> Any:
+def _load(folder: MapFolder, stage: str, name: str, **sizes: int) -> Arrays:
+    return load_table(folder, stage, name, MEND, sizes)
+
+
+def _load_json(folder: MapFolder, stage: str, name: str, kind: type[Kind]) -> Kind:
     path = folder.file(stage, f"{name}.json")
     try:
-        return json.loads(path.read_text("utf-8"))
-    except (OSError, ValueError) as error:
-        raise MapError(f"expected JSON in {path}, found: {error}; {MEND}") from error
+        return msgspec.json.decode(path.read_bytes(), type=kind)
+    except (OSError, ValueError, RecursionError) as error:
+        raise MapError(f"expected JSON of a {stage} in {path}, found: {error}; {MEND}") from error

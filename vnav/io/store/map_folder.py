@@ -165,9 +165,10 @@ class MapFolder:
             found = "another content"
         else:
             return path
+        command = "build-map CAPTURE" if stage == STAGES[0] else stage
         raise StaleArtifact(
-            f"expected {path} as the stage '{stage}' wrote it, found {found}; run 'vnav build-map"
-            f" CAPTURE --map {self.root}' again"
+            f"expected {path} as the stage '{stage}' wrote it, found {found}; run 'vnav {command}"
+            f" --map {self.root}' again"
         )
 
     def files(self, stage: str) -> dict[str, str]:
