@@ -18,10 +18,16 @@ from numpy.typing import NDArray
 from vnav.checking.quality import BLURRED, DARK, blur
 from vnav.config import Config, FeaturesConfig, updated
 from vnav.core.camera import Intrinsics, PhotoCamera
+from vnav.core.frame import Features
 from vnav.core.progress import Progress, silent
 from vnav.errors import PhotoError
 from vnav.features import FrontEnd, front_end
-from vnav.io.photos.photo_files import PhotoCameraSource, photo_camera, read_photo
+from vnav.io.photos.photo_files import (
+    PhotoCameraSource,
+    estimated_camera,
+    photo_camera,
+    read_photo,
+)
 from vnav.io.store.artifacts import map_camera
 from vnav.io.store.index_file import load_index
 from vnav.io.store.map_folder import MapFolder
@@ -82,18 +88,27 @@ class Locator:
         camera = photo_camera(path, size, self.camera, self._map_camera(size))
         clock.append(time.monotonic())
         image = scaled_down(image, self.config.locate.max_size_px)
-        intrinsics = camera.intrinsics.scaled(image.shape[1], image.shape[0])
         features = self._front_end.extract(brightened(image))
         clock.append(time.monotonic())
-        prepared = prepare(features, intrinsics, camera.focal_sigma, self.database.tree)
-        query = Query(prepared, self.database, self.config.locate)
-        result = localise(query, np.random.default_rng(self.config.seed))
+        query, result = self._asked(features, camera, image)
+        if camera.source == "exif" and not _bears_out(result, query):
+            camera = estimated_camera(size)
+            query, result = self._asked(features, camera, image)
         clock.append(time.monotonic())
         spent = np.round(np.diff(clock), 4).tolist()
         seconds = dict(zip(("read", "features", "search_and_pose"), spent, strict=True))
         answer = _answer(path or IMAGE, image, camera, query, result, seconds)
         log.info(summary(answer))
         return answer
+
+    def _asked(
+        self, features: Features, camera: PhotoCamera, image: NDArray[np.uint8]
+    ) -> tuple[Query, Located | NotLocated]:
+        """What is asked of a photo's features by a camera, and the answer."""
+        intrinsics = camera.intrinsics.scaled(image.shape[1], image.shape[0])
+        prepared = prepare(features, intrinsics, camera.focal_sigma, self.database.tree)
+        query = Query(prepared, self.database, self.config.locate)
+        return query, localise(query, np.random.default_rng(self.config.seed))
 
     @cached_property
     def _front_end(self) -> FrontEnd:
@@ -175,6 +190,16 @@ def _flaw(image: NDArray[np.uint8]) -> str:
     if gray.mean() < DARK:
         return f"; the photo is dark (mean grey level {gray.mean():.0f} of 255)"
     return "; the photo is blurred" if blur(gray) > BLURRED else ""
+
+
+def _bears_out(result: Located | NotLocated, query: Query) -> bool:
+    """Whether a photo was located, by a focal length that its matches alone agree with."""
+    if isinstance(result, NotLocated):
+        return False
+    told, used = query.photo.camera, result.best.view.intrinsics
+    factor, sigma = focal_length_check(result.best, query)
+    off = np.log(factor * used.fx / told.intrinsics.fx)
+    return bool(abs(off) <= SIGNIFICANT * np.hypot(told.focal_sigma, sigma))
 
 
 def _doubts(path: Path, result: Located, query: Query) -> tuple[str, ...]:

@@ -57,7 +57,7 @@ def photo_camera(
         beside = path.parent / "camera.toml"
         camera = beside if beside.is_file() else None
     if camera == AUTO:
-        return _guessed(size)
+        return estimated_camera(size)
     if isinstance(camera, Intrinsics):
         return PhotoCamera(_fitting(camera, "the camera given", path, size), "given", 0.0)
     if camera is not None:
@@ -67,7 +67,7 @@ def photo_camera(
         return PhotoCamera(_centred(size, focal), "exif", EXIF_SIGMA)
     if of_map.size == size:
         return PhotoCamera(of_map, "assumed", 0.0)
-    return _guessed(size)
+    return estimated_camera(size)
 
 
 def _fitting(
@@ -83,7 +83,8 @@ def _fitting(
     return camera.scaled(*size)
 
 
-def _guessed(size: tuple[int, int]) -> PhotoCamera:
+def estimated_camera(size: tuple[int, int]) -> PhotoCamera:
+    """A camera of which nothing is known but the size (width, height) of its images."""
     return PhotoCamera(_centred(size, USUAL_FOCAL * max(size)), "estimated", float("inf"))
 
 
