@@ -1,5 +1,6 @@
 """The entry point: one lazy group, and the one place that catches VnavError."""
 
+import io
 import os
 import sys
 from contextlib import suppress
@@ -66,6 +67,9 @@ def _close_stdout() -> None:
 
 def main() -> int:
     """Run the command line; exit code 0, 1 (VnavError, OSError), 2 (usage) or 3 (answer: no)."""
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):  # which may know few characters
+            stream.reconfigure(errors="backslashreplace")
     try:
         result = cli.main(standalone_mode=False)
         sys.stdout.flush()

@@ -23,7 +23,7 @@ from vnav.cli.build_map import camera_option
 @click.option(
     "--frames",
     metavar="N",
-    type=click.IntRange(min=1),
+    type=click.IntRange(1, 10**6),
     default=1,
     show_default=True,
     help="How many frames apart the poses are whose relative error is taken.",

@@ -117,6 +117,15 @@ def test_poses_of_another_clock_are_refused_with_both_times(shift_s: float, pose
         poses_at(np.arange(50.0), given, 0.02)
 
 
+def test_a_pose_that_no_camera_can_have_reached_is_named(truth: Trajectory) -> None:
+    poses = truth.T_world_camera.copy()
+    poses[20, 0, 3] += 1000
+    given = Trajectory(truth.stamps_s, poses)
+    where = f"between those at {truth.stamps_s[19]:.6f} and {truth.stamps_s[20]:.6f} s"
+    with pytest.raises(TrajectoryError, match=rf"found (999|1000)\.\d m {where}"):
+        poses_at(truth.stamps_s, given, 0.02)
+
+
 def test_every_pose_is_the_one_given(result: OptimisedMap, truth: Trajectory) -> None:
     known = np.arange(60) != WITHOUT
     np.testing.assert_array_equal(result.T_world_camera[known], truth.T_world_camera[known])

@@ -116,7 +116,7 @@ def evaluate(
 def _write_results(out: Path, suite: "Suite", outcomes: "list[Outcome]") -> None:
     from vnav.evaluation.result_files import as_csv, as_json
     from vnav.evaluation.stored_runs import writing
-    from vnav.io.whole_files import write_text
+    from vnav.io.files import write_text
     from vnav.reporting.run_page import page
 
     with writing(out):

@@ -66,7 +66,7 @@ def read(source: str) -> dict[str, Any]:
             return tomllib.loads(path.read_text("utf-8"))
         if source in presets():
             return tomllib.loads(preset_text(source))
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+    except (ValueError, RecursionError) as error:
         raise ConfigError(f"expected TOML in {source}, found: {error}") from error
     known = ", ".join(presets())
     raise ConfigError(f"expected a preset ({known}) or a TOML file, found neither: '{source}'")

@@ -12,9 +12,9 @@ import numpy as np
 from vnav.core.report import Failed
 from vnav.errors import VnavError
 from vnav.evaluation.sequence import SequenceRun, SequenceTask
+from vnav.io.files import write_text
 from vnav.io.formats.trajectories import read_tum, write_tum
 from vnav.io.store.map_folder import to_json
-from vnav.io.whole_files import write_text
 
 
 @dataclass(frozen=True)

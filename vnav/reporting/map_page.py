@@ -8,10 +8,10 @@ from typing import Any
 from vnav import __version__
 from vnav.core.mapping import LoopVerdict
 from vnav.errors import MapError
+from vnav.io.files import write_text
 from vnav.io.store.artifacts import load_loops
 from vnav.io.store.map_folder import STAGES, MapFolder, to_json
 from vnav.io.store.overview import overview
-from vnav.io.whole_files import write_text
 from vnav.reporting import html
 from vnav.reporting import map_pictures as pictures
 

@@ -14,9 +14,9 @@ from vnav.core.arrays import Array
 from vnav.core.grid import FREE, OCCUPIED, UNKNOWN, Grid
 from vnav.core.mapping import LoopVerdict, Odometry
 from vnav.core.point_cloud import PointCloud
+from vnav.io.files import whole_file
 from vnav.io.store.artifacts import load_cloud, load_grid, load_loops, load_odometry, load_optimised
 from vnav.io.store.map_folder import MapFolder
-from vnav.io.whole_files import whole_file
 from vnav.reporting.figures import COLORS, extent_of, grid_image, legend, map_figure
 from vnav.reporting.moving_picture import moving_figure
 from vnav.volumes.top_view import seen_from_above

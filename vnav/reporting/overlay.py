@@ -8,8 +8,8 @@ from numpy.typing import NDArray
 
 from vnav.core.voxels import Voxels
 from vnav.errors import VnavError
+from vnav.io.files import write_bytes
 from vnav.io.photos.photo_files import read_photo
-from vnav.io.whole_files import write_bytes
 from vnav.localisation.database import LandmarkDatabase
 from vnav.localisation.verdict.answer import PhotoAnswer, summary
 from vnav.localisation.verification.prediction import predict

@@ -10,7 +10,7 @@ import numpy as np
 
 from vnav.core import se3
 from vnav.errors import VnavError
-from vnav.io.whole_files import write_text
+from vnav.io.files import write_text
 from vnav.localisation.verdict.answer import PhotoAnswer, UnreadablePhoto
 
 CSV_HEADER = (

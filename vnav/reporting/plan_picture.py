@@ -11,7 +11,7 @@ from matplotlib.patches import Patch
 
 from vnav.core.grid import OCCUPIED, UNKNOWN
 from vnav.errors import VnavError
-from vnav.io.whole_files import whole_file
+from vnav.io.files import whole_file
 from vnav.planning.costmap import costmap
 from vnav.planning.planner import Plan
 from vnav.reporting.figures import COLORS, extent_of, grid_image, legend, map_figure

@@ -6,7 +6,7 @@ import numpy as np
 
 from vnav.core.frame import Rejected
 from vnav.errors import VnavError
-from vnav.io.whole_files import write_text
+from vnav.io.files import write_text
 from vnav.planning.planner import Plan
 from vnav.planning.snapping import Point
 from vnav.stages.plan import PlanAnswer

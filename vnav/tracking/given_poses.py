@@ -24,6 +24,7 @@ from vnav.tracking.pose_choice import TrackedFrame
 
 NO_POSE = "no pose given"
 MIN_SHARE = 0.1  # of the frames: with fewer, the clocks are not the same
+JUMP_M, FASTEST_M_S = 10.0, 30.0  # farther and faster no camera goes from frame to frame
 SIGMAS = np.repeat([0.001, 0.001], 3)  # rad, m: of the motion between neighbours
 
 
@@ -43,7 +44,20 @@ def poses_at(stamps_s: Array, given: Trajectory, largest_s: float) -> Array:
         )
     T_world_camera = np.full((len(stamps_s), 4, 4), np.nan)
     T_world_camera[frames] = given.T_world_camera[poses]
+    _require_motion(stamps_s[frames], T_world_camera[frames, :3, 3])
     return T_world_camera
+
+
+def _require_motion(stamps_s: Array, positions: Array) -> None:
+    """TrajectoryError where no camera can have moved from a position (N, 3) to the next."""
+    step_m, step_s = np.linalg.norm(np.diff(positions, axis=0), axis=1), np.abs(np.diff(stamps_s))
+    jumps = np.flatnonzero(step_m > JUMP_M + FASTEST_M_S * step_s)
+    if len(jumps):
+        n = int(jumps[0])
+        raise TrajectoryError(
+            f"expected given poses that a camera can follow, found {step_m[n]:.1f} m between those"
+            f" at {stamps_s[n]:.6f} and {stamps_s[n + 1]:.6f} s; leave out the one that is wrong"
+        )
 
 
 class GivenPoses:

@@ -84,6 +84,8 @@ def test_a_photo_needs_no_depth_camera(written) -> None:
         ("fx = 525\n", "fx = 0\n", "positive number for fx in .color.*found 0"),
         ("fx = 525\n", "fx = -525.0\n", "positive number for fx"),
         ("fx = 525\n", "fx = nan\n", "positive number for fx"),
+        ("fx = 525\n", "fx = 1e308\n", "positive number for fx"),
+        ("fx = 525\n", f"fx = 1{'0' * 400}\n", "positive number for fx"),
         ("fx = 525\n", "fx = '525'\n", "positive number for fx in .*found '525'"),
         ("fx = 525\n", "fx = true\n", "positive number for fx in .*found True"),
         ("fx = 525\n", "fx = 525\nfocal = 1\n", "unknown key 'focal' in .color."),

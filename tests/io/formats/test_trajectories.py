@@ -60,6 +60,7 @@ def test_lines_are_sorted_by_time(path: Path) -> None:
         ("2 0 0 zero 0 0 0 1", "expected 'stamp tx"),
         ("2 0 0 nan 0 0 0 1", "expected 'stamp tx"),
         ("2 0 0 0 0 0 0 0", "unit quaternion .*found length 0"),
+        ("2 1e300 0 0 0 0 0 1", "positions in metres"),
         ("2 0 0 0 1 1 1 1", "unit quaternion .*found length 2"),
     ],
 )

@@ -13,8 +13,8 @@ from urllib.request import Request, urlopen
 from vnav import __version__
 from vnav.core.progress import Progress, silent
 from vnav.errors import DatasetError
+from vnav.io.files import write_text
 from vnav.io.store.map_folder import to_json
-from vnav.io.whole_files import write_text
 
 TIMEOUT_S = 30.0  # without a byte
 CHUNK = 1 << 18

@@ -14,8 +14,8 @@ from vnav.errors import DatasetError
 from vnav.io.datasets.catalogue import PublicSequence
 from vnav.io.datasets.download import download
 from vnav.io.datasets.unpack import Manifest, unpack
+from vnav.io.files import write_text
 from vnav.io.store.map_folder import to_json
-from vnav.io.whole_files import write_text
 
 
 @dataclass(frozen=True)

@@ -6,7 +6,6 @@ The format is described in docs/evaluating.md.
 import dataclasses
 import difflib
 import re
-import tomllib
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from importlib import resources
@@ -17,6 +16,7 @@ from vnav import config
 from vnav.config import Config, preset_cameras
 from vnav.errors import CaptureError, ConfigError
 from vnav.io.datasets.fetched import datasets_folder
+from vnav.io.files import read_toml
 from vnav.io.formats.camera_file import preset_path
 
 NAME = re.compile(r"\w[\w.+-]*(/\w[\w.+-]*)*")  # a folder can be called by it
@@ -82,10 +82,10 @@ def read_suite(source: str) -> Suite:
     """
     path, folder = _place(source)
     try:
-        values = tomllib.loads(path.read_text("utf-8"))
+        values = read_toml(path)
     except OSError as error:
         raise ConfigError(f"expected a suite at {path}, found: {error.strerror}") from error
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+    except ValueError as error:
         raise ConfigError(f"expected TOML in {path}, found: {error}") from error
     head = _entry(_Head, values.get("suite", {}), f"[suite] of {path}")
     _known(values, ("suite", "sequence"), str(path))

@@ -2,7 +2,6 @@
 
 import difflib
 import math
-import tomllib
 from collections.abc import Mapping
 from importlib import resources
 from pathlib import Path
@@ -12,10 +11,12 @@ from vnav.config import preset_cameras
 from vnav.core import se3
 from vnav.core.camera import Camera, Intrinsics
 from vnav.errors import CameraError
+from vnav.io.files import read_toml
 
 _PINHOLE = ("fx", "fy", "cx", "cy")
 _COLOR_KEYS = ("width", "height", *_PINHOLE, "distortion")
 _DEPTH_KEYS = ("units_per_metre", *_COLOR_KEYS, "T_color_depth")
+_HUGEST = 1e9  # no focal length in pixels, no units a metre, nothing here is as large
 _FARTHEST_M = 1.0  # no depth sensor sits farther from its colour camera
 
 
@@ -51,10 +52,10 @@ def _presets() -> Any:
 
 def _read(path: Path) -> dict[str, Any]:
     try:
-        return tomllib.loads(path.read_text("utf-8"))
+        return read_toml(path)
     except OSError as error:
         raise CameraError(f"expected a camera file at {path}, found: {error.strerror}") from error
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+    except ValueError as error:
         raise CameraError(f"expected TOML in {path}, found: {error}") from error
 
 
@@ -156,5 +157,5 @@ def _required(table: Mapping[str, Any], key: str, kind: str, where: str) -> Any:
 
 def _are_numbers(values: Any) -> bool:
     return isinstance(values, list) and all(
-        type(value) in (int, float) and math.isfinite(value) for value in values
+        type(value) in (int, float) and abs(value) < _HUGEST for value in values
     )

@@ -8,7 +8,7 @@ import numpy as np
 from vnav.core import se3
 from vnav.core.arrays import Array
 from vnav.core.frame import Edge
-from vnav.io.whole_files import write_text
+from vnav.io.files import write_text
 
 TRANSLATION_FIRST = np.ix_([3, 4, 5, 0, 1, 2], [3, 4, 5, 0, 1, 2])  # g2o's order of a tangent
 

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from vnav.core.grid import FREE, OCCUPIED, UNKNOWN, Grid
 from vnav.errors import MapError
-from vnav.io.whole_files import write_text
+from vnav.io.files import write_text
 
 _GREY = np.array([254, 0, 205], np.uint8)  # of FREE, OCCUPIED, UNKNOWN; map_server's own
 _KEYS = ("image", "resolution", "origin", "occupied_thresh", "free_thresh")

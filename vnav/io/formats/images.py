@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vnav.errors import CaptureError
+from vnav.io.files import read_bytes
 
 _PNG, _JPEG = b"\x89PNG\r\n\x1a\n", b"\xff\xd8\xff"
 _MARKER = re.compile(rb"\xff[^\x00\xd0-\xd7\xff]")  # neither stuffing nor a restart
@@ -69,7 +70,7 @@ def _decoded(path: Path, flags: int) -> NDArray[np.generic]:
 
 def _content(path: Path) -> bytes:
     try:
-        return path.read_bytes()
+        return read_bytes(path)
     except OSError as error:
         raise CaptureError(f"expected an image at {path}, found: {error.strerror}") from error
 

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from vnav.core.point_cloud import Mesh, PointCloud
 from vnav.errors import MapError
-from vnav.io.whole_files import whole_file, write_bytes
+from vnav.io.files import whole_file, write_bytes
 
 POSITION = [("x", "<f4"), ("y", "<f4"), ("z", "<f4")]
 NORMAL = [("nx", "<f4"), ("ny", "<f4"), ("nz", "<f4")]

@@ -11,8 +11,9 @@ from numpy.typing import NDArray
 from vnav.core import se3
 from vnav.core.trajectory import Trajectory
 from vnav.errors import TrajectoryError
-from vnav.io.whole_files import write_text
+from vnav.io.files import read_text, write_text
 
+FARTHEST_M = 1e6  # from the origin; no map is as large
 _UNIT = 0.01  # how far a quaternion's length may lie from 1: three printed digits
 
 
@@ -71,7 +72,7 @@ def write_kitti(path: Path, trajectory: Trajectory) -> None:
 
 def _lines(path: Path) -> list[tuple[int, str]]:
     try:
-        text = path.read_text("utf-8-sig")
+        text = read_text(path)
     except OSError as error:
         raise TrajectoryError(
             f"expected a trajectory at {path}, found: {error.strerror}"
@@ -90,6 +91,10 @@ def _values(path: Path, number: int, line: str, words: Sequence[str], first: str
     if len(values) != 8 or not np.isfinite(values).all():
         raise TrajectoryError(
             f"expected '{first} tx ty tz qx qy qz qw' in {path}, line {number}, found '{line}'"
+        )
+    if np.abs(values[1:4]).max() > FARTHEST_M:
+        raise TrajectoryError(
+            f"expected positions in metres in {path}, line {number}, found '{line}'"
         )
     length = float(np.linalg.norm(values[4:]))
     if abs(length - 1) > _UNIT:

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from vnav.errors import PhotoError
+from vnav.io.files import read_bytes
 from vnav.io.photos.heic import EXIF_HEADER, heic_exif, is_heic
 
 EXIF_IFD = 0x8769
@@ -43,7 +44,7 @@ class Exif:
 def read_exif(path: Path) -> Exif:
     """The EXIF of a JPEG or HEIC; empty for another format, for none and for damaged EXIF."""
     try:
-        tiff = heic_exif(path) if is_heic(path) else _tiff(path.read_bytes())
+        tiff = heic_exif(path) if is_heic(path) else _tiff(read_bytes(path))
         return Exif(_tags(tiff) if tiff else {})
     except (PhotoError, struct.error, IndexError, KeyError, ZeroDivisionError):
         return Exif({})

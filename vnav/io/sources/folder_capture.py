@@ -15,6 +15,7 @@ from vnav.core.arrays import Array
 from vnav.core.camera import Camera
 from vnav.core.frame import Frame
 from vnav.errors import CaptureError
+from vnav.io.files import read_bytes
 from vnav.io.formats.images import read_depth, read_image
 from vnav.io.sources.frame_list import FrameList
 from vnav.io.sources.rectify import Rectifier, rectified
@@ -87,7 +88,6 @@ def _require_size(
 def _digest(path: Path) -> str:
     """Hash of a file's bytes; a missing file has one too, for a capture may miss some."""
     try:
-        with path.open("rb") as file:
-            return hashlib.file_digest(file, "sha256").hexdigest()
+        return hashlib.sha256(read_bytes(path)).hexdigest()
     except OSError as error:
         return f"unreadable: {error.strerror}"

@@ -15,6 +15,7 @@ from vnav.core.association import associate
 from vnav.core.camera import Camera
 from vnav.core.trajectory import Trajectory
 from vnav.errors import CaptureError, TrajectoryError
+from vnav.io.files import read_text
 from vnav.io.sources.frame_list import FrameList, ImageFile, paired
 
 NAME = "7-Scenes"
@@ -77,7 +78,7 @@ def _pose_path(color: ImageFile) -> Path:
 
 def _read_pose(path: Path) -> NDArray[np.float64]:
     try:
-        T = np.array([line.split() for line in path.read_text("utf-8").splitlines()], float)
+        T = np.array([line.split() for line in read_text(path).splitlines()], float)
     except (OSError, ValueError) as error:
         raise TrajectoryError(f"expected a 4x4 pose in {path}, found: {error}") from error
     if T.shape != (4, 4):

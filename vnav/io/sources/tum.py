@@ -9,6 +9,7 @@ from vnav.core.association import associate
 from vnav.core.camera import Camera
 from vnav.core.trajectory import Trajectory
 from vnav.errors import CaptureError
+from vnav.io.files import read_text
 from vnav.io.formats.trajectories import read_tum
 from vnav.io.sources.frame_list import FrameList, ImageFile, paired
 
@@ -50,7 +51,7 @@ def read_truth(path: Path, frames: FrameList, camera: Camera) -> Trajectory:
 
 def _read_list(path: Path) -> list[ImageFile]:
     try:
-        lines = path.read_text("utf-8").splitlines()
+        lines = read_text(path).splitlines()
     except (OSError, UnicodeDecodeError) as error:
         raise CaptureError(
             f"expected the list of images {path}, found: {error}; a TUM folder has rgb.txt and"

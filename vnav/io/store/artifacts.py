@@ -26,13 +26,13 @@ from vnav.core.point_cloud import Mesh, PointCloud
 from vnav.core.reduced_frame import in_pixels
 from vnav.core.trajectory import Trajectory
 from vnav.errors import MapError
+from vnav.io.files import write_text
 from vnav.io.formats.arrays_file import Arrays, save_arrays
 from vnav.io.formats.grid_files import read_grid
 from vnav.io.formats.ply import read_cloud, read_mesh
 from vnav.io.formats.trajectories import read_tum
 from vnav.io.store.map_folder import MapFolder, to_json
 from vnav.io.store.schemas import load_table
-from vnav.io.whole_files import write_text
 
 Kind = TypeVar("Kind")
 DEPTH_UNITS_PER_METRE = 5000  # of the keyframes' depth images: 0.2 mm steps up to 13.1 m

@@ -6,10 +6,10 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from vnav.errors import MapError
+from vnav.io.files import whole_file, write_text
 from vnav.io.formats.ply import read_mesh, write_obj
 from vnav.io.formats.trajectories import read_tum, write_kitti
 from vnav.io.store.map_folder import MapFolder
-from vnav.io.whole_files import whole_file, write_text
 
 Writer = Callable[[MapFolder, Path], list[Path]]
 

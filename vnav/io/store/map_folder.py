@@ -20,9 +20,9 @@ from typing import Any
 
 from vnav import __version__
 from vnav.errors import MapError, StaleArtifact
+from vnav.io.files import write_text
 from vnav.io.store.map_lock import NAME as LOCK
 from vnav.io.store.map_lock import unwritable
-from vnav.io.whole_files import write_text
 
 FORMAT = 5
 STAGES = ("odometry", "vocabulary", "loops", "optimise", "fuse", "index")

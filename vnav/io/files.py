@@ -1,14 +1,45 @@
-"""Files that are written whole or not at all, wherever a user wants them."""
+"""Files that users name: read where they are files and of a size, written whole or not at all."""
 
+import errno
 import os
 import secrets
+import stat
+import tomllib
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import BinaryIO
+from typing import Any, BinaryIO
 
 LONGEST = 40  # of a name, in its draft's; no file system takes more than 255 bytes
 DEVICES = Path("/dev")
+MOST_BYTES = 2**30  # of a file that is read as one
+
+
+def read_bytes(path: Path) -> bytes:
+    """What a regular file holds; OSError for any other, which may never end, and for a huge one."""
+    if "\0" in str(path):
+        raise OSError(errno.EINVAL, "a name that no file can have", str(path))
+    status = path.stat()
+    if stat.S_ISDIR(status.st_mode):
+        raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR), str(path))
+    if not stat.S_ISREG(status.st_mode):
+        raise OSError(errno.EINVAL, "no regular file", str(path))
+    if status.st_size > MOST_BYTES:
+        raise OSError(errno.EFBIG, os.strerror(errno.EFBIG), str(path))
+    return path.read_bytes()
+
+
+def read_text(path: Path) -> str:
+    """Text in UTF-8; OSError as `read_bytes`, UnicodeDecodeError where it is no such text."""
+    return read_bytes(path).decode("utf-8-sig")
+
+
+def read_toml(path: Path) -> dict[str, Any]:
+    """The tables of a TOML file; OSError as `read_bytes`, ValueError where it is none."""
+    try:
+        return tomllib.loads(read_text(path))
+    except RecursionError as error:
+        raise ValueError("tables within tables within tables") from error
 
 
 @contextmanager

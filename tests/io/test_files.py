@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from vnav.io.whole_files import whole_file, write_text
+from vnav.io.files import read_bytes, read_toml, whole_file, write_text
 
 
 def test_a_file_is_what_it_was_until_the_new_one_is_whole(tmp_path: Path) -> None:
@@ -71,3 +71,28 @@ def test_a_file_keeps_its_permissions_and_a_new_one_has_the_usual(tmp_path: Path
 def test_a_name_as_long_as_the_file_system_takes_is_written(tmp_path: Path) -> None:
     write_text(tmp_path / ("x" * 255), "new")
     assert (tmp_path / ("x" * 255)).read_text() == "new"
+
+
+@pytest.mark.parametrize("path", ["/dev/zero", "/dev/null", "pipe"])
+def test_what_may_never_end_is_not_read(path: str, tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "pipe")
+    with pytest.raises(OSError, match="no regular file"):
+        read_bytes(tmp_path / path)
+
+
+def test_a_file_of_more_than_can_be_meant_is_not_read(tmp_path: Path) -> None:
+    with (tmp_path / "sparse").open("wb") as file:
+        file.truncate(2**31)
+    with pytest.raises(OSError, match="too large"):
+        read_bytes(tmp_path / "sparse")
+
+
+def test_a_name_that_no_file_can_have_is_told(tmp_path: Path) -> None:
+    with pytest.raises(OSError, match="a name that no file can have"):
+        read_bytes(tmp_path / "a\0b")
+
+
+def test_deeply_nested_tables_are_no_toml(tmp_path: Path) -> None:
+    (tmp_path / "deep.toml").write_text("a = " + "[" * 100_000 + "]" * 100_000)
+    with pytest.raises(ValueError, match="tables within tables"):
+        read_toml(tmp_path / "deep.toml")
