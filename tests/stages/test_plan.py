@@ -13,12 +13,12 @@ from numpy.typing import NDArray
 from vnav.cli.main import cli
 from vnav.config import PlanConfig
 from vnav.core import se3
-from vnav.core.frame import Rejected
+from vnav.core.frame import Features, Rejected
 from vnav.core.grid import FREE, OCCUPIED, Grid
-from vnav.core.mapping import Landmarks, OptimisedMap, World
+from vnav.core.mapping import FrameFeatures, FrameTable, Landmarks, Odometry, OptimisedMap, World
 from vnav.errors import MapError, StaleArtifact, VnavError
 from vnav.io.formats.grid_files import write_grid
-from vnav.io.store.artifacts import save_optimised
+from vnav.io.store.artifacts import save_odometry, save_optimised
 from vnav.io.store.map_folder import MapFolder
 from vnav.planning.planner import Plan
 from vnav.reporting.plan_picture import plan_figure, write_picture
@@ -37,6 +37,16 @@ def _optimised(sigma_m: float, position_sigma_m: float) -> OptimisedMap:
     return OptimisedMap(np.eye(4)[None], covariance, landmarks, World("floor", 100, 0.01))
 
 
+def _odometry() -> Odometry:
+    """One frame, a keyframe without features."""
+    none = Features(np.zeros((0, 2)), np.zeros((0, 128)), *np.zeros((3, 0)))
+    keyframe = FrameFeatures(0, none, np.zeros((0, 3), np.float32))
+    first = np.zeros(1, np.int32)
+    return Odometry(
+        FrameTable(first, first, np.zeros(1)), np.eye(4)[None], first, ("",), (), (keyframe,)
+    )
+
+
 @pytest.fixture(scope="module")
 def rooms(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A map whose grid shows two rooms of 4 m x 5 m, joined by a door of 1 m."""
@@ -44,6 +54,8 @@ def rooms(tmp_path_factory: pytest.TempPathFactory) -> Path:
     cells[[0, -1]] = cells[:, [0, -1]] = cells[:, 80:84] = OCCUPIED
     cells[40:60, 80:84] = FREE
     folder = MapFolder.create(tmp_path_factory.mktemp("maps") / "rooms")
+    with folder.writing("odometry", {}, {}) as draft:
+        save_odometry(draft, _odometry())
     with folder.writing("optimise", {}, {}) as draft:
         save_optimised(draft, _optimised(0.003, 0.004))
     with folder.writing("fuse", {}, folder.inputs_of("optimise")) as draft:
@@ -115,6 +127,8 @@ def test_without_a_located_photo_current_is_an_error_that_says_what_to_do(tmp_pa
     folder = MapFolder.create(tmp_path / "map")
     with pytest.raises(StaleArtifact, match="vnav fuse"):
         plan(folder, "current", "1,1", CONFIG, _blind)
+    with folder.writing("odometry", {}, {}) as draft:
+        save_odometry(draft, _odometry())
     with folder.writing("optimise", {}, {}) as draft:
         save_optimised(draft, _optimised(0.01, 0.01))
     with folder.writing("fuse", {}, {}) as draft:
@@ -132,6 +146,8 @@ def test_a_map_that_is_less_sure_keeps_farther_off(rooms: Path, tmp_path: Path) 
     sure = _ask(rooms, "0,0", "-0.73,0")
     assert sure.uncertainty_m == pytest.approx(0.005, rel=1e-6)
     folder = MapFolder.create(tmp_path / "map")
+    with folder.writing("odometry", {}, {}) as draft:
+        save_odometry(draft, _odometry())
     with folder.writing("optimise", {}, {}) as draft:
         save_optimised(draft, _optimised(1.0, 1.0))
     with folder.writing("fuse", {}, {}) as draft:

@@ -40,13 +40,8 @@ class Column:
         """What is wrong, None where nothing is; lengths that are new are added to the sizes."""
         if not np.issubdtype(values.dtype, KINDS[self.kind]):
             return f"values of type {values.dtype}"
-        if values.ndim != len(self.shape):
-            return f"{values.ndim} dimensions"
-        for length, wanted in zip(values.shape, self.shape, strict=True):
-            if isinstance(wanted, str):
-                wanted = sizes.setdefault(wanted, length)
-            if wanted is not None and length != wanted:
-                return f"shape {values.shape}"
+        if not self._fits(values.shape, sizes):
+            return f"shape {values.shape}"
         if self.kind == "real" and not self.gaps and not np.isfinite(values).all():
             return "values that are not finite"
         below = sizes[self.below] if isinstance(self.below, str) else self.below
@@ -55,6 +50,16 @@ class Column:
         if below is not None and (values >= below).any():
             return f"values of {below:g} and more"
         return None
+
+    def _fits(self, shape: tuple[int, ...], sizes: dict[str, int]) -> bool:
+        if len(shape) != len(self.shape):
+            return False
+        lengths = zip(shape, self.shape, strict=True)
+        wanted = [
+            sizes.setdefault(want, length) if isinstance(want, str) else want
+            for length, want in lengths
+        ]
+        return all(want in (None, length) for length, want in zip(shape, wanted, strict=True))
 
 
 Relation = Callable[[Arrays], bool]
@@ -180,7 +185,7 @@ SCHEMAS = {
             "keyframe_covariance": Column("real", ("K", 6, 6), gaps=True),
             "depth_delay_s": Column("real", ()),
             "points_world": Column("real", ("L", 3)),
-            "sigma_m": Column("real", ("L",), 0),
+            "sigma_m": Column("real", ("L",), 0, gaps=True),
             "landmark": Column("whole", ("M",), 0, "L"),
             "keyframe": Column("whole", ("M",), 0, "K"),
             "feature": Column("whole", ("M",), 0),
@@ -192,7 +197,7 @@ SCHEMAS = {
     "index/index": Schema(
         {
             "points_world": Column("real", ("L", 3)),
-            "sigma_m": Column("real", ("L",), 0),
+            "sigma_m": Column("real", ("L",), 0, gaps=True),
             "retired": Column("flag", ("L",)),
             "descriptors": Column("byte", ("D", None)),
             "owner": Column("whole", ("D",), 0, "L"),
@@ -211,7 +216,7 @@ SCHEMAS = {
             "solid_away": Column("byte", (None, None, None)),
             "solid_origin": Column("real", (3,)),
             "solid_m": Column("real", (1,), 1e-6),
-            "distractor_distance": Column("real", (1,), 0),
+            "distractor_distance": Column("real", (1,), 0, gaps=True),
         },
         {
             "rows of the descriptors below nodes": lambda arrays: bool(
