@@ -13,6 +13,7 @@ from vnav.cli.options import (
     map_option,
     require_one_way,
 )
+from vnav.cli.say import say
 from vnav.cli.summary import show_map
 
 if TYPE_CHECKING:
@@ -112,7 +113,7 @@ def _failed(task: "BuildTask", result: "BuiltMap | Failed", one_of_several: bool
 
     if isinstance(result, Failed):
         name = f"{task.name}: " if one_of_several else ""
-        click.echo(f"{result.traceback}vnav: {name}{result.reason}", err=True)
+        say(f"{result.traceback}vnav: {name}{result.reason}", err=True)
         return True
     show_map(task.map_dir, result)
     return False

@@ -7,6 +7,7 @@ import click
 
 from vnav.cli.build_map import camera_option, capture_argument
 from vnav.cli.options import config_options, console_progress
+from vnav.cli.say import say
 
 
 @click.command()
@@ -38,11 +39,11 @@ def check(
         click.echo(json.dumps(report.as_dict() | {"problems": problems}, indent=1))
         return int(bool(problems))
     for line in summary(report):
-        click.echo(line)
+        say(line)
     for warning in report.warnings:
-        click.echo(f"warning  {warning}")
+        say(f"warning  {warning}")
     for problem in problems:
-        click.echo(f"FATAL    {problem}")
+        say(f"FATAL    {problem}")
     if not problems:
         click.echo("fit to be mapped")
     return int(bool(problems))

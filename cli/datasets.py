@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import click
 
 from vnav.cli.options import console_progress
+from vnav.cli.say import say
 
 if TYPE_CHECKING:
     from vnav.io.datasets.fetched import Verdict
@@ -60,7 +61,7 @@ def list_(names: tuple[str, ...], root: Path | None, as_json: bool) -> None:
         notes = [] if sequence.truth else ["no true trajectory"]
         notes += [sequence.note] if sequence.note else []
         line = f"  {sequence.name:62} {found:8} {size:>8}  {'; '.join(notes)}"
-        click.echo(line.rstrip())
+        say(line.rstrip())
     click.echo(f"kept in {root}")
 
 
@@ -88,7 +89,7 @@ def fetch(names: tuple[str, ...], root: Path | None, base_url: str | None) -> No
     root = root or datasets_folder()
     for sequence in named(catalogue(base_url), names):
         new = fetch_one(sequence, root, console_progress())
-        click.echo(f"{root / sequence.name}  {'fetched' if new else 'there already, and whole'}")
+        say(f"{root / sequence.name}  {'fetched' if new else 'there already, and whole'}")
 
 
 @datasets.command()
@@ -107,7 +108,7 @@ def verify(names: tuple[str, ...], root: Path | None, as_json: bool) -> int:
     else:
         lines = [f"{name}  {_summary(verdict)}" for name, verdict in verdicts.items()]
         lines += [f"{name}  not fetched" for name in absent]
-        click.echo("\n".join(lines or ["nothing was fetched yet; 'vnav datasets fetch NAME' does"]))
+        say("\n".join(lines or ["nothing was fetched yet; 'vnav datasets fetch NAME' does"]))
     return int(bool(absent) or not all(verdict.whole for verdict in verdicts.values()))
 
 

@@ -5,6 +5,7 @@ from pathlib import Path
 import click
 
 from vnav.cli.options import batch_options, config_options, console_progress, require_one_way
+from vnav.cli.say import say
 
 
 @click.command()
@@ -69,5 +70,5 @@ def evaluate(
         progress=console_progress(),
     )
     for line in as_text(outcomes):
-        click.echo(line)
+        say(line)
     return int(any(isinstance(outcome.result, Failed) for outcome in outcomes))

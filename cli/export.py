@@ -5,6 +5,7 @@ from pathlib import Path
 import click
 
 from vnav.cli.options import map_argument_or_option
+from vnav.cli.say import say
 from vnav.io.store.export import PARTS
 
 
@@ -32,7 +33,7 @@ def export(map_dir: Path, out: Path, **formats: tuple[str, ...]) -> None:
         raise click.UsageError(f"expected at least one of {names}")
     for part, paths in open_map(map_dir).export(out, wanted).items():
         for path in paths:
-            click.echo(f"{part:12}{path} ({path.stat().st_size / 1e6:.2f} MB)")
+            say(f"{part:12}{path} ({path.stat().st_size / 1e6:.2f} MB)")
 
 
 export.params += [

@@ -8,6 +8,7 @@ from typing import Any
 import click
 
 from vnav.cli.options import map_argument_or_option
+from vnav.cli.say import say
 
 
 @click.command()
@@ -27,7 +28,7 @@ def info(map_dir: Path, as_json: bool) -> None:
         click.echo(json.dumps(values, indent=1))
         return
     for title, line in _lines(values):
-        click.echo(f"{title:12}{line}")
+        say(f"{title:12}{line}")
 
 
 def _lines(values: dict[str, Any]) -> Iterator[tuple[str, str]]:

@@ -15,6 +15,7 @@ from vnav.cli.options import (
     require_one_way,
     warn,
 )
+from vnav.cli.say import say
 
 if TYPE_CHECKING:
     from vnav.api.map import Map
@@ -104,7 +105,7 @@ def _tell(answers: "Answers", as_json: bool, alone: bool) -> None:
         click.echo(json.dumps(said[0] if alone else said, indent=1, allow_nan=False))
     for answer in answers:
         if not as_json:
-            click.echo(summary(answer))
+            say(summary(answer))
         for warning in answer.warnings if isinstance(answer, PhotoAnswer) else ():
             warn(warning)
 

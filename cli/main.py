@@ -10,6 +10,7 @@ import click
 
 from vnav import __version__
 from vnav.cli import logs
+from vnav.cli.say import say
 from vnav.errors import VnavError
 
 COMMANDS = {
@@ -79,10 +80,10 @@ def main() -> int:
     except OSError as error:
         _close_stdout()
         where = f"{error.filename}: " if error.filename else ""
-        click.echo(f"vnav: {where}{error.strerror}; what was finished is kept", err=True)
+        say(f"vnav: {where}{error.strerror}; what was finished is kept", err=True)
         return 1
     except VnavError as error:
-        click.echo(f"vnav: {error}", err=True)
+        say(f"vnav: {error}", err=True)
         return 1
     except click.ClickException as error:
         error.show()

@@ -11,6 +11,7 @@ import click
 from click.core import ParameterSource
 
 from vnav.cli.logs import is_quiet
+from vnav.cli.say import printable, say
 from vnav.core.progress import Progress, silent
 
 Command = TypeVar("Command", bound=Callable[..., Any])
@@ -91,7 +92,7 @@ def require_one_way(jobs: int | None, scheduler: str) -> None:
 
 def warn(warning: str) -> None:
     """A warning on stderr."""
-    click.echo(f"vnav: warning: {warning}", err=True)
+    say(f"vnav: warning: {warning}", err=True)
 
 
 def console_progress() -> Progress:
@@ -115,7 +116,8 @@ class _ConsoleProgress:
             return
         self._shown[task] = now
         end = "\n" if done >= total or not self._live else ""
-        line = f"{task}: {done}/{total}{pace(done - first, total - done, now - start_s)}"
+        rate = pace(done - first, total - done, now - start_s)
+        line = printable(f"{task}: {done}/{total}{rate}")
         click.echo(("\r\x1b[K" if self._live else "") + line + end, err=True, nl=False)
 
 

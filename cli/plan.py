@@ -9,6 +9,7 @@ import click
 
 from vnav.cli.locate import CAMERA_HELP
 from vnav.cli.options import config_options, map_option, warn
+from vnav.cli.say import say
 
 
 def _named_png(_context: click.Context, _option: click.Parameter, path: Path | None) -> Path | None:
@@ -102,5 +103,5 @@ def plan(
         click.echo(json.dumps(answer.as_dict(), indent=1, allow_nan=False))
     else:
         for line in summary(answer, start, goal):
-            click.echo(line)
+            say(line)
     return 0 if answer.found else 3

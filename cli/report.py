@@ -5,6 +5,7 @@ from pathlib import Path
 import click
 
 from vnav.cli.options import map_argument_or_option
+from vnav.cli.say import say
 
 
 @click.command()
@@ -19,4 +20,4 @@ def report(map_dir: Path) -> None:
     """
     from vnav.api.map import open_map
 
-    click.echo(open_map(map_dir).report())
+    say(open_map(map_dir).report())

@@ -4,9 +4,8 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import click
-
 from vnav.cli.options import warn
+from vnav.cli.say import say
 from vnav.core.report import Report
 
 if TYPE_CHECKING:
@@ -19,7 +18,7 @@ def show_map(map_dir: Path, built: "BuiltMap") -> None:
         warn(warning)
     *stages, quality = built.reports
     show(stages)
-    click.echo(f"map in {map_dir}, pictures in {map_dir / 'reports'}")
+    say(f"map in {map_dir}, pictures in {map_dir / 'reports'}")
     show([quality])
 
 
@@ -28,8 +27,8 @@ def show(reports: Iterable[Report]) -> None:
     for report in reports:
         time = "up to date" if report.reused else f"{report.seconds:.1f} s"
         first, *others = report.lines or ("done",)
-        click.echo(f"{report.stage:12}{first} ({time})")
+        say(f"{report.stage:12}{first} ({time})")
         for line in others:
-            click.echo(f"{'':12}{line}")
+            say(f"{'':12}{line}")
         for warning in report.warnings:
-            click.echo(f"{'':12}warning: {warning}")
+            say(f"{'':12}warning: {warning}")

@@ -36,6 +36,17 @@ def test_info_as_json_is_one_object(fused_map: Path) -> None:
     assert values["stages"]["fuse"]["state"] == "current"
 
 
+def test_info_of_a_map_whose_capture_has_a_hostile_name_commands_no_terminal(
+    tmp_path: Path,
+) -> None:
+    camera = {"width": 64, "height": 48}
+    capture = {"id": 0, "name": "a\x1b]0;owned\x07\x9b2J", "camera": camera}
+    MapFolder.create(tmp_path / "map").set_captures([capture])
+    said = run("info", tmp_path / "map").output
+    assert "a\\x1b]0;owned\\x07\\x9b2J" in said
+    assert not {"\x1b", "\x07", "\x9b"} & set(said)
+
+
 def test_info_of_an_empty_map_is_no_error(tmp_path: Path) -> None:
     MapFolder.create(tmp_path / "map")
     assert "missing" in run("info", tmp_path / "map").output
