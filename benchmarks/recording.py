@@ -24,7 +24,7 @@ ROOT = Path(__file__).parent.parent
 FOLDER = ROOT / "benchmarks" / "results"
 QUESTIONS = ("how accurate", "how often right", "how fast", "how robust", "how large")
 LIBRARIES = (
-    "vnav",
+    "vnav-rgbd",
     "gtsam",
     "numba",
     "numpy",

@@ -45,7 +45,7 @@ def test_a_record_says_where_it_comes_from(recording: ModuleType, tmp_path: Path
     assert values["question"] == "how fast"
     assert values["machine"]["cores"] >= 1
     assert values["machine"]["memory_gb"] >= 1
-    assert values["versions"].keys() >= {"python", "vnav", "numpy", "gtsam"}
+    assert values["versions"].keys() >= {"python", "vnav-rgbd", "numpy", "gtsam"}
     assert values["commit"]
     assert len(values["date"]) == len("2026-01-01")
 
