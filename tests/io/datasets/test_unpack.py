@@ -60,6 +60,30 @@ def test_a_member_that_is_not_a_file_inside_is_refused(
     assert not [path for path in (tmp_path / "out").rglob("*") if path.name != "a"]
 
 
+def test_an_archive_that_would_fill_the_disk_is_refused(tmp_path: Path) -> None:
+    """8 MB of zeros shrink to a thousandth."""
+    path = tmp_path / "a.tgz"
+    info = tarfile.TarInfo("zeros")
+    info.size = 8_000_000
+    with tarfile.open(path, "w:gz") as tar:
+        tar.addfile(info, io.BytesIO(bytes(info.size)))
+    with pytest.raises(DatasetError, match="'zeros', with which it is 100 times as large"):
+        unpack(path, tmp_path / "out")
+    assert not list((tmp_path / "out").iterdir())
+
+
+def test_a_file_of_holes_is_refused(tmp_path: Path) -> None:
+    """It is as large as its header says, and takes no room in the archive."""
+    info = tarfile.TarInfo("holes")
+    info.pax_headers = {"GNU.sparse.map": "0,0", "GNU.sparse.size": str(10**15)}
+    path = tmp_path / "a.tgz"
+    with tarfile.open(path, "w:gz", format=tarfile.PAX_FORMAT) as tar:
+        tar.addfile(info)
+    with pytest.raises(DatasetError, match="'holes', with which it is"):
+        unpack(path, tmp_path / "out")
+    assert not list((tmp_path / "out").iterdir())
+
+
 def test_a_member_that_comes_twice_is_refused(tmp_path: Path) -> None:
     tgz = archive(tmp_path / "a.tgz", member("a"), member("a"))
     with pytest.raises(DatasetError, match="whole .tgz"):

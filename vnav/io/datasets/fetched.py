@@ -97,9 +97,10 @@ def _install(archive: Path, sequence: PublicSequence, root: Path, progress: Prog
     try:
         sha256 = _checked(archive, sequence, root)
         files = unpack(archive, draft, progress)
-    except DatasetError:
-        archive.unlink()
+    except (DatasetError, OSError) as error:
         shutil.rmtree(draft, ignore_errors=True)
+        if isinstance(error, DatasetError):
+            archive.unlink()
         raise
     top, files = _top(draft, files)
     about = {"bytes": archive.stat().st_size, "sha256": sha256}

@@ -13,6 +13,7 @@ from vnav.errors import DatasetError
 
 CHUNK = 1 << 20
 MB = 1_000_000
+MOST_TIMES = 100  # what is unpacked may be as large as the archive; images hardly shrink in it
 DAMAGED = (tarfile.TarError, EOFError, zlib.error, gzip.BadGzipFile)
 
 Manifest = dict[str, tuple[int, str]]  # of a folder: relative path -> bytes, sha256
@@ -22,7 +23,8 @@ def unpack(archive: Path, folder: Path, progress: Progress = silent) -> Manifest
     """Write the members of a .tgz into a new folder; what was written, file by file.
 
     Only files and folders whose names stay inside are accepted, never links or devices, and
-    nothing is written twice: so nothing is ever written through a member to elsewhere. The
+    nothing is written twice: so nothing is ever written through a member to elsewhere. They are
+    at most `MOST_TIMES` as large as the archive, so that it fills no disk. The
     archive's own checksum is compared too. DatasetError names the member that is not as expected;
     what was unpacked until then is the caller's to remove.
     """
@@ -47,19 +49,23 @@ def _members(
     stream: gzip.GzipFile, archive: Path
 ) -> Iterator[tuple[PurePosixPath, IO[bytes] | None]]:
     """Path and content of each member, None for folders; then the stream's checksum is compared."""
+    left = MOST_TIMES * archive.stat().st_size
     with tarfile.open(fileobj=stream, mode="r|") as tar:
         for member in tar:
-            yield _checked(member, archive), tar.extractfile(member)
+            left -= member.size
+            yield _checked(member, left, archive), tar.extractfile(member)
     while stream.read(CHUNK):
         pass
 
 
-def _checked(member: tarfile.TarInfo, archive: Path) -> PurePosixPath:
-    """The member's path below the folder; DatasetError where it is none."""
+def _checked(member: tarfile.TarInfo, left: int, archive: Path) -> PurePosixPath:
+    """The member's path below the folder; DatasetError where it is none, or nothing is left."""
     path = PurePosixPath(member.name)
     if not (member.isreg() or member.isdir()):
         kind = "a link" if member.islnk() or member.issym() else "neither file nor folder"
         found = f"'{member.name}', which is {kind}"
+    elif member.issparse() or left < 0:
+        found = f"'{member.name}', with which it is {MOST_TIMES} times as large as its archive"
     elif path.is_absolute() or ".." in path.parts or set(member.name) & set("\\:\0"):
         found = f"'{member.name}', which leads out of it"
     else:
