@@ -49,12 +49,9 @@ def count_votes(
     `COARSE`, only blocks of every so many rows and columns are asked; they have the same votes.
     """
     votes = np.zeros((2, *view.frame.grey.shape), np.float32)
-    K = view.frame.intrinsics
-    camera = np.array([K.fx, K.fy, K.cx, K.cy])
     sigma = np.sqrt(2) * sigma_per_m2
     for other in others:
-        T = se3.inverse(other.T_track_camera) @ view.T_track_camera
-        places, expected = block_places(view.frame.inverse_depth, T, camera, step)
+        places, expected = places_in(other, view, view.frame.inverse_depth, step)
         depths = other.frame.inverse_depth, other.nearest, other.farthest
         noise = _difference(places, expected, *depths, SIGMAS * sigma, margin_m) / MEAN_OF_SIGMA
         weight = min(1.0, (FITS * sigma / noise) ** 2) if noise > 0 else 1.0
@@ -63,14 +60,23 @@ def count_votes(
     return Votes(votes[SAME], votes[FREE])
 
 
-@compiled
-def block_places(
-    inverse_depth: Floats, T: Array, camera: Array, step: int = 1
-) -> tuple[NDArray[np.int32], NDArray[np.float32]]:
-    """Of each block (h, w) the one of the other view where it falls, by number, -1 where none.
+def places_in(
+    other: PosedView, view: PosedView, inverse_depth: Floats, step: int = 1
+) -> tuple[NDArray[np.int32], Floats]:
+    """Of each block (h, w) of a view the one of another where it falls, by number, -1 where none.
 
-    And the inverse depth that it has there; T takes points to the other view.
+    And the inverse depth that it has there. Both views have one camera.
     """
+    K = view.frame.intrinsics
+    T = se3.inverse(other.T_track_camera) @ view.T_track_camera
+    return _block_places(inverse_depth, T, np.array([K.fx, K.fy, K.cx, K.cy]), step)
+
+
+@compiled
+def _block_places(
+    inverse_depth: Floats, T: Array, camera: Array, step: int
+) -> tuple[NDArray[np.int32], Floats]:
+    """The loop of `places_in`; T takes points to the other view."""
     height, width = inverse_depth.shape
     fx, fy, cx, cy = camera
     places = np.full((height, width), -1, np.int32)

@@ -63,13 +63,14 @@ class MapFolder:
                 f"expected a map at {root}, found no map.json; make one with 'vnav build-map"
                 f" CAPTURE --map {root}' or name another with --map"
             )
-        found = _json(path).get("format")
+        values = _json(path)
+        found = values.get("format")
         if found != FORMAT:
             raise MapError(
                 f"expected map format {FORMAT} in {path}, found {found};"
                 f" build the map anew with 'vnav build-map CAPTURE --map {root} --fresh'"
             )
-        _read_json(path)  # whole
+        _unsealed(values, path)
         return cls(root)
 
     @classmethod
@@ -308,7 +309,11 @@ def _write_json(path: Path, values: Mapping[str, Any]) -> None:
 
 def _read_json(path: Path) -> dict[str, Any]:
     """What `_write_json` wrote; StaleArtifact where it is something else."""
-    values = _json(path)
+    return _unsealed(_json(path), path)
+
+
+def _unsealed(values: dict[str, Any], path: Path) -> dict[str, Any]:
+    """What stands under a seal; StaleArtifact where it is not what was sealed."""
     if values.pop(_SEAL, "") != _seal(values):
         raise StaleArtifact(
             f"expected {path} as vnav wrote it, found another content; build the map anew with"
