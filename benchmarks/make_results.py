@@ -1,4 +1,4 @@
-"""Makes docs/results.md of the files in benchmarks/results: a table of what shares quantities.
+"""Makes docs/results.md of the files in benchmarks/results: a table for each set of quantities.
 
 python benchmarks/make_results.py [--out docs/results.md]
 """
@@ -6,7 +6,6 @@ python benchmarks/make_results.py [--out docs/results.md]
 import argparse
 import json
 from collections.abc import Sequence
-from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -61,15 +60,16 @@ def page(folder: Path) -> str:
 
 
 def alike(files: Sequence[dict[str, Any]]) -> list[list[dict[str, Any]]]:
-    """The files in groups, in order: those that share a quantity, if only by way of others."""
-    groups: list[tuple[set[str], list[dict[str, Any]]]] = []
-    for values in files:
-        quantities = {m.quantity for m in measurements_of(values)}
-        same = [group for group in groups if group[0] & quantities]
-        members = [*chain.from_iterable(members for _, members in same), values]
-        groups = [group for group in groups if group not in same]
-        groups.append((quantities.union(*(known for known, _ in same)), members))
-    return [members for _, members in groups]
+    """The files in groups, in order: one, and those that have no quantity but its own."""
+    groups: list[tuple[set[str], list[int]]] = []
+    quantities = [{m.quantity for m in measurements_of(values)} for values in files]
+    for k in sorted(range(len(files)), key=lambda k: -len(quantities[k])):
+        of_all = next((members for known, members in groups if quantities[k] <= known), None)
+        if of_all is None:
+            groups.append((quantities[k], [k]))
+        else:
+            of_all.append(k)
+    return [[files[k] for k in members] for members in sorted(sorted(m) for _, m in groups)]
 
 
 def section(files: Sequence[dict[str, Any]]) -> str:
