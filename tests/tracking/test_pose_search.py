@@ -13,6 +13,7 @@ from vnav.core.mapping import FrameFeatures
 from vnav.core.reduced_frame import reduced
 from vnav.features import front_end
 from vnav.features.lifting import lift
+from vnav.registration.judge import PixelEvidence
 from vnav.tracking.pose_choice import ChosenMotions, PoseChoice, Target, TrackedFrame
 from vnav.tracking.pose_search import PoseSearch
 
@@ -102,3 +103,12 @@ def weighed(speed: float, apart_m: float) -> ChosenMotions:
         choice.add(target, [PoseEstimate(at(x), np.eye(6), inliers, 100)])
     choice.judge()
     return choice.result()
+
+
+def test_what_poses_share_is_at_most_one_in_spite_of_rounding(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    rounded = np.array([0.5, 0.5 + 2.0**-52])
+    monkeypatch.setattr(PixelEvidence, "probabilities", rounded)
+    found = weighed(1.0, apart_m=0.006).estimates.values()
+    assert [estimate.probability for estimate in found] == [1.0]

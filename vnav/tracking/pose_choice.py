@@ -162,7 +162,7 @@ class PoseChoice:
 
     def _weighed(self, number: int, alike: Sequence[int]) -> Motions:
         """The motions to a pose, that of the newest target first; the probability of all alike."""
-        p = float(self._probabilities[list(alike)].sum())
+        p = min(1.0, float(self._probabilities[list(alike)].sum()))  # a sum is rounded
         motions = sorted(self._poses[number].motions.items(), reverse=True)
         return {row: replace(estimate, probability=p) for row, estimate in motions}
 
