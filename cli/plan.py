@@ -48,7 +48,17 @@ def _named_png(_context: click.Context, _option: click.Parameter, path: Path | N
     type=click.FloatRange(min=0),
     help="How far start and goal may be moved to where the robot can be; 0.5 m by default.",
 )
-@click.option("--allow-unknown", is_flag=True, help="Cross space that was never seen.")
+@click.option(
+    "--no-walked",
+    "allow_walked",
+    flag_value=False,
+    type=bool,
+    default=None,
+    help="Keep off unseen floor that the camera was carried over.",
+)
+@click.option(
+    "--allow-unknown", is_flag=True, default=None, help="Cross space that was never seen."
+)
 @click.option("--json", "as_json", is_flag=True, help="Print the answer as one JSON object.")
 @click.option("--csv", "csv_file", type=click.Path(path_type=Path), help="Write x,y,yaw too.")
 @click.option(
@@ -65,12 +75,10 @@ def plan(
     config_source: str | None,
     settings: tuple[str, ...],
     camera: str | None,
-    robot_radius_m: float | None,
-    tolerance_m: float | None,
-    allow_unknown: bool,
     as_json: bool,
     csv_file: Path | None,
     png_file: Path | None,
+    **robot: Any,  # settings of section plan that have an option; None: not given
 ) -> int:
     """Plan a path that a robot can follow, from one place in a map to another.
 
@@ -84,10 +92,7 @@ def plan(
     from vnav.api.map import open_map
     from vnav.reporting.plan_text import summary, write_csv
 
-    asked = {"robot_radius_m": robot_radius_m, "tolerance_m": tolerance_m}
-    changes: dict[str, Any] = {name: value for name, value in asked.items() if value is not None}
-    if allow_unknown:
-        changes["allow_unknown"] = True
+    changes = {name: value for name, value in robot.items() if value is not None}
     resolved = config.load(config_source, settings)
     resolved = dataclasses.replace(resolved, plan=dataclasses.replace(resolved.plan, **changes))
 

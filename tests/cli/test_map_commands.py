@@ -100,7 +100,7 @@ def test_export_writes_several_parts_at_once_and_says_what(fused_map: Path, tmp_
     result = run("export", fused_map, *options.split(), "--out", out)
     names = {
         *("trajectory_0.tum", "cloud.ply", "occupancy.bt", "grid.pgm", "grid.yaml"),
-        *("mesh.ply", "graph.g2o"),
+        *("walked.pgm", "walked.yaml", "mesh.ply", "graph.g2o"),
     }
     assert {p.name for p in out.iterdir()} == names
     assert all(str(out / name) in result.output for name in names)

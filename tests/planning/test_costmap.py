@@ -5,7 +5,7 @@ import pytest
 from scipy import ndimage
 
 from vnav.config import PlanConfig
-from vnav.core.grid import FREE, OCCUPIED, UNKNOWN, Grid
+from vnav.core.grid import FREE, OCCUPIED, UNKNOWN, WALKED, Grid
 from vnav.planning.astar import UNIT
 from vnav.planning.costmap import costmap
 
@@ -62,6 +62,18 @@ def test_unknown_cells_are_blocked_unless_allowed_and_then_dear() -> None:
     assert costmap(grid, 0.0, CONFIG).costs[2, 2] == 0
     allowed = costmap(grid, 0.0, dataclasses.replace(CONFIG, allow_unknown=True))
     assert allowed.costs[2, 2] == 3 * UNIT
+
+
+def test_walked_cells_cost_what_is_declared_and_are_unknown_where_not_allowed() -> None:
+    cells = np.full((5, 5), FREE, np.uint8)
+    cells[2, 2] = WALKED
+    grid = Grid((0, 0), 0.05, cells)
+    dear = dataclasses.replace(CONFIG, walked_cost=1.5)
+    assert costmap(grid, 0.0, dear).costs[2, 2] == 1.5 * UNIT
+    refused = costmap(grid, 0.0, dataclasses.replace(dear, allow_walked=False))
+    assert (refused.costs[2, 2], refused.grid.cells[2, 2]) == (0, UNKNOWN)
+    unknown = dataclasses.replace(dear, allow_walked=False, allow_unknown=True)
+    assert costmap(grid, 0.0, unknown).costs[2, 2] == 3 * UNIT
 
 
 def test_inflation_reaches_into_unknown_space() -> None:

@@ -8,7 +8,7 @@ from scipy import ndimage
 from vnav.config import PlanConfig
 from vnav.core import se3
 from vnav.core.frame import Rejected
-from vnav.core.grid import FREE, OCCUPIED, UNKNOWN, Grid
+from vnav.core.grid import FREE, OCCUPIED, UNKNOWN, WALKED, Grid
 from vnav.errors import ConfigError
 from vnav.planning.planner import Plan, heading_rad, plan_path
 
@@ -137,6 +137,57 @@ def test_unknown_space_is_crossed_only_if_allowed() -> None:
     assert isinstance(refused, Rejected)
     assert "unknown space" in refused.reason
     assert "(--allow-unknown)" in refused.reason
+
+
+def _with_a_corridor() -> Grid:
+    """The rooms, and a corridor of 0.4 m through the unknown floor, 1 m long, to a wall."""
+    cells = ROOMS.cells.copy()
+    cells[67:75, 30:50] = WALKED
+    return Grid(ROOMS.origin, ROOMS.resolution_m, cells)
+
+
+def test_walked_floor_is_crossed_where_that_costs_less_and_the_path_says_how_far() -> None:
+    ends, corridor = ((0.2, 1.55), (1.9, 1.55)), _with_a_corridor()
+    cheap = _found(*ends, corridor, clearance_weight=0.0, walked_cost=1.0)
+    assert cheap.walked_m == pytest.approx(1.0, abs=0.05)  # a cell
+    assert cheap.length_m == pytest.approx(1.7)
+    dear = _found(*ends, corridor, clearance_weight=0.0, walked_cost=100.0)
+    assert dear.walked_m == 0
+    assert dear.length_m > 1.05 * cheap.length_m
+    refused = _found(*ends, corridor, allow_walked=False, walked_cost=1.0)
+    assert refused.poses.tobytes() == _found(*ends).poses.tobytes()
+
+
+def test_a_place_on_walked_floor_is_not_moved_and_one_beside_it_is_moved_there() -> None:
+    corridor = _with_a_corridor()
+    plan = _found((1.0, 1.55), (4.0, 2.0), corridor)
+    assert (plan.start.moved_m, plan.walked_m > 0.3) == (0, True)
+    beside = _found((1.0, 1.80), (4.0, 2.0), corridor)
+    assert beside.start.snapped == pytest.approx((1.0, 1.725), abs=0.03)
+    off = dataclasses.replace(CONFIG, allow_walked=False, tolerance_m=0.3)
+    refused = plan_path(corridor, (1.0, 1.55), (4.0, 2.0), off, uncertainty_m=UNCERTAINTY_M)
+    assert refused == plan_path(ROOMS, (1.0, 1.55), (4.0, 2.0), off, uncertainty_m=UNCERTAINTY_M)
+    assert isinstance(refused, Rejected)
+    assert "lies in unknown space; the nearest cell the robot can be in is" in refused.reason
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_a_path_over_walked_floor_keeps_clear_of_what_stands_beside_it(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    cells = np.full((60, 60), UNKNOWN, np.uint8)
+    cells[:12] = cells[-12:] = FREE
+    cells[12:-12, 15:45] = WALKED
+    cells[rng.integers(12, 48, 12), rng.integers(10, 50, 12)] = OCCUPIED
+    grid = Grid((0.0, 0.0), 0.05, cells)
+    plan = plan_path(grid, (1.5, 0.3), (1.5, 2.7), CONFIG, uncertainty_m=UNCERTAINTY_M)
+    if isinstance(plan, Rejected):
+        assert "separate regions" in plan.reason
+        return
+    away_m = ndimage.distance_transform_edt(cells != OCCUPIED) * 0.05
+    row, column = grid.cells_at(plan.poses[:, :2]).T
+    assert away_m[row, column].min() >= KEEP_OFF_M
+    assert (cells[row, column] != UNKNOWN).all()
+    assert 1.8 <= plan.walked_m <= plan.length_m
 
 
 def test_a_robot_too_wide_for_the_door_gets_the_reason() -> None:

@@ -5,13 +5,13 @@ import pytest
 
 from vnav.config import PlanConfig
 from vnav.core.frame import Rejected
-from vnav.core.grid import FREE, OCCUPIED, UNKNOWN, Grid
+from vnav.core.grid import FREE, OCCUPIED, UNKNOWN, WALKED, Grid
 from vnav.planning.costmap import Costmap, costmap
 from vnav.planning.snapping import SnappedPoint, snap_start_and_goal
 
 # A point robot on cells of 10 cm: only occupied cells and their neighbours' corners matter.
 CONFIG = PlanConfig(robot_radius_m=0.0)
-LETTERS = {".": FREE, "#": OCCUPIED, "?": UNKNOWN}
+LETTERS = {".": FREE, "#": OCCUPIED, "?": UNKNOWN, "w": WALKED}
 
 
 def _map(*rows: str, robot_radius_m: float = 0.0) -> Costmap:
@@ -106,6 +106,12 @@ def test_a_place_in_unknown_space_within_an_obstacle_may_leave_it() -> None:
     where = _map(".......", ".#####.", ".#???#.", ".#####.", ".......")
     goal = _snapped(where, (0.05, 0.05), (0.35, 0.25))[1]
     assert goal.moved_m == pytest.approx(0.2)
+
+
+def test_a_place_on_walked_floor_is_no_inside_of_an_obstacle_and_does_not_pass_a_wall() -> None:
+    inside = _map("?#....")
+    assert _snapped(inside, (0.05, 0.05), (0.55, 0.05))[0].cell == (0, 2)
+    assert "separate regions" in _reason(_map("w##..."), (0.05, 0.05), (0.55, 0.05))
 
 
 def test_a_place_in_a_pocket_of_seen_floor_is_moved_across_the_unknown_to_what_is_joined() -> None:

@@ -29,7 +29,7 @@ def test_the_grid_lies_where_its_cells_are_in_the_world() -> None:
 
 def test_the_grid_legend_says_areas() -> None:
     legend = legend_of(pictures.grid_figure(GRID))
-    assert legend == ["free, 1.0 m²", "occupied, 0.2 m²", "unknown, 0.2 m²"]
+    assert legend == ["free, 1.0 m²", "occupied, 0.2 m²", "unknown, 0.2 m²", "walked, 0.0 m²"]
 
 
 def test_the_trajectory_counts_keyframes_loops_and_frames_without_a_pose(fused_map: Path) -> None:

@@ -24,7 +24,7 @@ from vnav.volumes.octree import Octree
 
 FILES = (
     *("cloud.ply", "mesh.ply", "occupancy.ot", "occupancy.bt"),
-    *("grid.pgm", "grid.yaml", "departed.npz"),
+    *("grid.pgm", "grid.yaml", "walked.pgm", "walked.yaml", "departed.npz"),
 )
 
 

@@ -17,8 +17,7 @@ from vnav.core.frame import Features, Rejected
 from vnav.core.grid import FREE, OCCUPIED, Grid
 from vnav.core.mapping import FrameFeatures, FrameTable, Landmarks, Odometry, OptimisedMap, World
 from vnav.errors import MapError, StaleArtifact, VnavError
-from vnav.io.formats.grid_files import write_grid
-from vnav.io.store.artifacts import save_odometry, save_optimised
+from vnav.io.store.artifacts import save_grid, save_odometry, save_optimised
 from vnav.io.store.map_folder import MapFolder
 from vnav.planning.planner import Plan
 from vnav.reporting.plan_picture import plan_figure, write_picture
@@ -59,7 +58,7 @@ def rooms(tmp_path_factory: pytest.TempPathFactory) -> Path:
     with folder.writing("optimise", {}, {}) as draft:
         save_optimised(draft, _optimised(0.003, 0.004))
     with folder.writing("fuse", {}, folder.inputs_of("optimise")) as draft:
-        write_grid(draft, Grid((-1.0, -2.0), 0.05, cells))
+        save_grid(draft, Grid((-1.0, -2.0), 0.05, cells))
     folder.write_current({"T_world_camera": _camera_at(0.5, 0.5, yaw_deg=90).tolist()})
     return folder.root
 
@@ -132,7 +131,7 @@ def test_without_a_located_photo_current_is_an_error_that_says_what_to_do(tmp_pa
     with folder.writing("optimise", {}, {}) as draft:
         save_optimised(draft, _optimised(0.01, 0.01))
     with folder.writing("fuse", {}, {}) as draft:
-        write_grid(draft, Grid((0, 0), 0.05, np.full((40, 40), FREE, np.uint8)))
+        save_grid(draft, Grid((0, 0), 0.05, np.full((40, 40), FREE, np.uint8)))
     with pytest.raises(MapError, match="run 'vnav locate PHOTO"):
         plan(folder, "current", "1,1", CONFIG, _blind)
 
@@ -151,7 +150,7 @@ def test_a_map_that_is_less_sure_keeps_farther_off(rooms: Path, tmp_path: Path) 
     with folder.writing("optimise", {}, {}) as draft:
         save_optimised(draft, _optimised(1.0, 1.0))
     with folder.writing("fuse", {}, {}) as draft:
-        for name in ("grid.pgm", "grid.yaml"):
+        for name in ("grid.pgm", "grid.yaml", "walked.pgm", "walked.yaml"):
             (draft / name).write_bytes((rooms / "fuse" / name).read_bytes())
     unsure = _ask(folder.root, "0,0", "-0.73,0")
     assert unsure.uncertainty_m == CONFIG.max_uncertainty_m
@@ -165,7 +164,7 @@ def test_json_has_the_documented_fields(rooms: Path) -> None:
     result = _run("--map", rooms, "--from", "-0.5,-1.5", "--to", "current", "--json")
     values = json.loads(result.stdout)
     assert list(values) == [
-        *("found", "reason", "path_m", "length_m", "clearance_min_m"),
+        *("found", "reason", "path_m", "length_m", "clearance_min_m", "walked_m"),
         *("start", "goal", "expanded", "seconds"),
     ]
     assert values["found"] is True

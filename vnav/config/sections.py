@@ -349,6 +349,12 @@ class FuseConfig(Section, path="fuse"):
     free_height_m: float = number(
         0.15, "[0, 10]", "m", "free space so near to the floor shows that a cell is free"
     )
+    walked_radius_m: float = number(
+        0.20,
+        "[0, 10]",
+        "m",
+        "floor that nobody saw is walked so near to the camera's path; 0: none is",
+    )
 
 
 @dataclass(frozen=True)
@@ -455,6 +461,12 @@ class PlanConfig(Section, path="plan"):
     )
     spacing_m: float = number(
         0.05, "[0.001, 100]", "m", "largest distance between points of the path"
+    )
+    allow_walked: bool = flag(
+        True, "the path may cross floor that was never seen, but where the camera was carried"
+    )
+    walked_cost: float = number(
+        2.0, "[1, 1000]", "factor", "a metre of walked floor costs this times a free one"
     )
     allow_unknown: bool = flag(False, "the path may cross space that was never seen")
     unknown_cost: float = number(

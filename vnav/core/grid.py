@@ -7,7 +7,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from vnav.core.arrays import frozen
 
-FREE, OCCUPIED, UNKNOWN = 0, 1, 2
+FREE, OCCUPIED, UNKNOWN, WALKED = 0, 1, 2, 3  # walked: unseen, but the camera was carried there
+STATES = {"free": FREE, "occupied": OCCUPIED, "unknown": UNKNOWN, "walked": WALKED}
 
 
 @dataclass(frozen=True)
@@ -21,7 +22,8 @@ class Grid:
     resolution_m
         Edge of a cell.
     cells
-        (rows, columns) uint8 of FREE, OCCUPIED, UNKNOWN; rows run along +y, columns along +x.
+        (rows, columns) uint8 of FREE, OCCUPIED, UNKNOWN, WALKED; rows run along +y, columns along
+        +x.
     """
 
     origin: tuple[float, float]

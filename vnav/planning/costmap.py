@@ -1,5 +1,6 @@
 """What driving over each cell costs a robot, and where it cannot be: inflated obstacles."""
 
+import dataclasses
 from dataclasses import dataclass
 
 import numpy as np
@@ -8,7 +9,7 @@ from numpy.typing import NDArray
 from vnav.compiled import compiled
 from vnav.config import PlanConfig
 from vnav.core.arrays import Array
-from vnav.core.grid import OCCUPIED, UNKNOWN, Grid
+from vnav.core.grid import OCCUPIED, UNKNOWN, WALKED, Grid
 from vnav.planning.astar import UNIT
 
 
@@ -19,7 +20,7 @@ class Costmap:
     Parameters
     ----------
     grid
-        What stands where.
+        What stands where; without walked cells where these are not allowed.
     clearance_m
         From a cell's centre to the nearest occupied cell, infinite where there is none: the
         distance to its centre less half a cell's diagonal.
@@ -42,15 +43,20 @@ def costmap(grid: Grid, uncertainty_m: float, config: PlanConfig) -> Costmap:
     """Inflate what is occupied, and declare what the rest costs.
 
     A metre costs ``1 + clearance_weight`` where the robot just fits, falling to 1 in a straight
-    line over ``clearance_range_m`` more clearance. Unknown cells are blocked; where
+    line over ``clearance_range_m`` more clearance. Walked cells cost ``walked_cost`` times as much
+    as free ones; without ``allow_walked`` they are unknown. Unknown cells are blocked; where
     ``allow_unknown`` is set they cost ``unknown_cost`` times as much as free ones.
     """
+    if not config.allow_walked:
+        cells = np.where(grid.cells == WALKED, np.uint8(UNKNOWN), grid.cells)
+        grid = dataclasses.replace(grid, cells=cells)
     clearance_m = grid.resolution_m * (_distances(grid.cells == OCCUPIED) - np.sqrt(0.5))
     spare_m = clearance_m - (config.robot_radius_m + uncertainty_m)
     inflated = spare_m < 0
-    unknown = grid.cells == UNKNOWN
+    unknown, walked = grid.cells == UNKNOWN, grid.cells == WALKED
+    unseen = np.select([unknown, walked], [config.unknown_cost, config.walked_cost], 1.0)
     nearness = np.clip(1 - spare_m / config.clearance_range_m, 0, 1)
-    cost = (1 + config.clearance_weight * nearness) * np.where(unknown, config.unknown_cost, 1)
+    cost = (1 + config.clearance_weight * nearness) * unseen
     blocked = inflated | (unknown & (not config.allow_unknown))
     costs = np.where(blocked, 0, np.rint(UNIT * cost)).astype(np.int32)
     return Costmap(grid, clearance_m, inflated, costs, _regions(~blocked))

@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 from vnav.config import PlanConfig
 from vnav.core.arrays import Array
 from vnav.core.frame import Rejected
-from vnav.core.grid import Grid
+from vnav.core.grid import WALKED, Grid
 from vnav.planning.astar import search
 from vnav.planning.costmap import Costmap, costmap
 from vnav.planning.smoothing import smooth
@@ -28,6 +28,8 @@ class Plan:
         Of the path; clearance as in `Costmap`, infinite on a grid without obstacles.
     start, goal
         What was asked for and what it became.
+    walked_m
+        How much of it leads through walked cells, which nobody saw.
     expanded
         Cells that A* expanded.
     """
@@ -37,6 +39,7 @@ class Plan:
     clearance_min_m: float
     start: SnappedPoint
     goal: SnappedPoint
+    walked_m: float
     expanded: int
 
 
@@ -68,8 +71,9 @@ def plan_path(
     path = _in_metres(grid, smooth(_in_cells(grid, points), costs.costs))
     path[0], path[-1] = points[0], points[-1]
     poses = _poses(_densified(path, config.spacing_m), final_yaw_rad)
+    clearance_m, walked_m = _along(costs, path)
     length_m = float(np.hypot(*np.diff(path, axis=0).T).sum())
-    return Plan(poses, length_m, _clearance_m(costs, path), first, last, route.expanded)
+    return Plan(poses, length_m, clearance_m, first, last, walked_m, route.expanded)
 
 
 def heading_rad(T_world_camera: ArrayLike) -> float:
@@ -124,7 +128,11 @@ def _poses(points: Array, final_yaw_rad: float | None) -> Array:
     return np.column_stack([points, np.append(yaw, last)])
 
 
-def _clearance_m(costs: Costmap, path: Array) -> float:
-    """The least over the cells that a path passes through."""
-    cells = costs.grid.cells_at(_densified(path, costs.grid.resolution_m / 4))
-    return float(costs.clearance_m[tuple(cells.T)].min())
+def _along(costs: Costmap, path: Array) -> tuple[float, float]:
+    """The least clearance of the cells that a path passes through, and its way in walked ones."""
+    points = _densified(path, costs.grid.resolution_m / 4)
+    row, column = costs.grid.cells_at(points).T
+    is_walked = costs.grid.cells[row, column] == WALKED
+    steps_m = np.hypot(*np.diff(points, axis=0).T)
+    walked_m = (steps_m * (is_walked[1:] + is_walked[:-1].astype(float)) / 2).sum()
+    return float(costs.clearance_m[row, column].min()), float(walked_m)

@@ -9,9 +9,9 @@ from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 
 from vnav.core.arrays import Array
-from vnav.core.grid import FREE, OCCUPIED, UNKNOWN, Grid
+from vnav.core.grid import FREE, OCCUPIED, UNKNOWN, WALKED, Grid
 
-COLORS = {FREE: "#ffffff", OCCUPIED: "#263238", UNKNOWN: "#d6dade"}
+COLORS = {FREE: "#ffffff", OCCUPIED: "#263238", UNKNOWN: "#d6dade", WALKED: "#b2dfdb"}
 Extent = tuple[float, float, float, float]  # left, right, bottom, top in metres
 
 
@@ -37,7 +37,7 @@ def map_figure(extent: Extent, title: str, longest_in: float = 10.0) -> tuple[Fi
 
 def grid_image(grid: Grid) -> Array:
     """The grid as RGB (rows, columns, 3), the first row at the bottom."""
-    palette = np.array([to_rgb(COLORS[state]) for state in (FREE, OCCUPIED, UNKNOWN)])
+    palette = np.array([to_rgb(COLORS[state]) for state in sorted(COLORS)])
     return np.asarray(palette[grid.cells])
 
 

@@ -11,7 +11,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from vnav.core.arrays import Array
-from vnav.core.grid import FREE, OCCUPIED, UNKNOWN, Grid
+from vnav.core.grid import STATES, UNKNOWN, Grid
 from vnav.core.mapping import LoopVerdict, Odometry
 from vnav.core.point_cloud import PointCloud
 from vnav.io.files import whole_file
@@ -89,7 +89,6 @@ def grid_figure(grid: Grid) -> Figure:
     """The grid, with the area of each state."""
     figure, axes = map_figure(extent_of(grid), "Grid")
     axes.imshow(grid_image(grid), origin="lower", extent=extent_of(grid), interpolation="nearest")
-    names = {FREE: "free", OCCUPIED: "occupied", UNKNOWN: "unknown"}
     legend(
         figure,
         [
@@ -98,7 +97,7 @@ def grid_figure(grid: Grid) -> Figure:
                 edgecolor="#90a4ae",
                 label=f"{name}, {grid.area_m2(state):.1f} m²",
             )
-            for state, name in names.items()
+            for name, state in STATES.items()
         ],
     )
     return figure

@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
-from vnav.core.grid import OCCUPIED, UNKNOWN
+from vnav.core.grid import OCCUPIED, UNKNOWN, WALKED
 from vnav.errors import VnavError
 from vnav.io.files import whole_file
 from vnav.planning.costmap import costmap
@@ -42,7 +42,7 @@ def plan_figure(answer: PlanAnswer) -> Figure:
     figure, axes = map_figure(extent_of(grid), "Path" if found else "No path")
     costs = costmap(grid, answer.uncertainty_m, answer.config)
     inflated = costs.inflated & (grid.cells != OCCUPIED)
-    image = grid_image(grid)
+    image = grid_image(costs.grid)
     image[inflated] = image[inflated] * INFLATED
     axes.imshow(image, origin="lower", extent=extent_of(grid), interpolation="nearest")
     entries: list[Artist] = [
@@ -50,6 +50,8 @@ def plan_figure(answer: PlanAnswer) -> Figure:
         Patch(facecolor=COLORS[UNKNOWN], label="unknown"),
         Patch(facecolor=INFLATED, edgecolor="#90a4ae", label="too near an obstacle"),
     ]
+    if (costs.grid.cells == WALKED).any():
+        entries.insert(2, Patch(facecolor=COLORS[WALKED], label="walked, not seen"))
     if found:
         axes.plot(*found.poses[:, :2].T, color=PATH, lw=2, solid_capstyle="round")
         entries.append(Line2D([], [], color=PATH, lw=2, label=f"path, {found.length_m:.2f} m"))

@@ -20,6 +20,8 @@ def summary(answer: PlanAnswer, start: str, goal: str) -> list[str]:
     lines = [f"path       {found.length_m:.2f} m, {len(found.poses)} points"]
     if np.isfinite(found.clearance_min_m):
         lines.append(f"clearance  {found.clearance_min_m:.2f} m at least")
+    if found.walked_m:
+        lines.append(f"walked     {found.walked_m:.2f} m of it, over floor that no frame shows")
     for name, text, end in (("start", start, found.start), ("goal", goal, found.goal)):
         moved = f", moved {end.moved_m:.2f} m to {_text(end.snapped)}" if end.moved_m else ""
         lines.append(f"{name:11}{_text(end.asked)}{moved}  {text}")

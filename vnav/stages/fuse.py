@@ -8,12 +8,12 @@ from numpy.typing import NDArray
 
 from vnav.config import Config, FuseConfig
 from vnav.core import se3
-from vnav.core.grid import FREE, OCCUPIED, UNKNOWN, Grid
+from vnav.core.arrays import Array
+from vnav.core.grid import FREE, STATES, Grid
 from vnav.core.mapping import Landmarks, World
 from vnav.core.progress import Progress, silent
 from vnav.core.report import Report
 from vnav.errors import MapError
-from vnav.io.formats.grid_files import write_grid
 from vnav.io.formats.ply import write_cloud, write_mesh
 from vnav.io.store.artifacts import (
     load_keyframe,
@@ -22,11 +22,13 @@ from vnav.io.store.artifacts import (
     load_optimised,
     map_cameras,
     save_departed,
+    save_grid,
 )
 from vnav.io.store.map_folder import MapFolder
 from vnav.io.store.stage_reports import clock, finished, reused, settings_of
 from vnav.optimisation.camera_motion import velocities
 from vnav.planning.projection import project
+from vnav.planning.walked import add_walked
 from vnav.threads import one_blas_thread
 from vnav.volumes.departed import DepthHistory
 from vnav.volumes.fusion import FusedVolumes, PosedFrame, fuse
@@ -39,7 +41,8 @@ STAGE = "fuse"
 def run(folder: MapFolder, config: Config, *, progress: Progress = silent) -> Report:
     """Fuse the keyframes that have a pose; MapError where their depth holds nothing to fuse.
 
-    Writes fuse/cloud.ply, occupancy.ot and .bt, mesh.ply, grid.pgm and .yaml, departed.npz.
+    Writes fuse/cloud.ply, occupancy.ot and .bt, mesh.ply, grid.pgm and .yaml, walked.pgm and .yaml,
+    departed.npz.
     """
     started = clock()
     settings = settings_of(config, "registration", STAGE)
@@ -53,13 +56,15 @@ def run(folder: MapFolder, config: Config, *, progress: Progress = silent) -> Re
     landmarks_departed = views.departed(optimised.landmarks, history)
     leaves = _leaves(fused.octree, config.fuse)
     grid = project(leaves.centres_world, leaves.occupied, leaves.size_m, config.fuse)
+    walks = [] if optimised.world.doubt else views.walks()
+    grid = add_walked(grid, walks, fused.cloud.points_world, config.fuse)
 
     with folder.writing(STAGE, settings, inputs) as draft:
         write_cloud(draft / "cloud.ply", fused.cloud)
         fused.octree.write(draft / "occupancy.ot")
         fused.octree.write(draft / "occupancy.bt")
         write_mesh(draft / "mesh.ply", fused.mesh)
-        write_grid(draft, grid)
+        save_grid(draft, grid)
         save_departed(draft, landmarks_departed)
 
     return finished(folder, _report(fused, leaves, grid, optimised.world, len(views)), started)
@@ -88,6 +93,11 @@ class PosedFrames:
         for row in self._rows:
             frame = load_keyframe(self._folder, row, self._frames)
             yield PosedFrame(frame, self._poses[row])
+
+    def walks(self) -> list[Array]:
+        """For each capture, the camera's centres (F, 3) at all frames, NaN where not known."""
+        capture = self._frames.capture
+        return [self._poses[capture == number, :3, 3] for number in np.unique(capture)]
 
     def history(self, config: Config) -> DepthHistory:
         """Their depth in order, which tells what has departed."""
@@ -121,9 +131,8 @@ def _leaves(octree: Octree, config: FuseConfig) -> Leaves:
 def _report(
     fused: FusedVolumes, leaves: Leaves, grid: Grid, world: World, keyframes: int
 ) -> Report:
-    states = {"free": FREE, "occupied": OCCUPIED, "unknown": UNKNOWN}
-    share = {name: float((grid.cells == state).mean()) for name, state in states.items()}
-    area_m2 = {name: grid.area_m2(state) for name, state in states.items()}
+    share = {name: float((grid.cells == state).mean()) for name, state in STATES.items()}
+    area_m2 = {name: grid.area_m2(state) for name, state in STATES.items()}
     rows, columns = grid.cells.shape
     values: dict[str, Any] = {
         "keyframes": keyframes,

@@ -73,6 +73,7 @@ class PlanAnswer:
             "path_m": plan.poses.tolist() if plan else [],
             "length_m": plan.length_m if plan else None,
             "clearance_min_m": clearance_m if np.isfinite(clearance_m) else None,
+            "walked_m": plan.walked_m if plan else None,
             "start": start,
             "goal": goal,
             "expanded": plan.expanded if plan else None,

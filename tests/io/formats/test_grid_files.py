@@ -3,9 +3,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from vnav.core.grid import FREE, OCCUPIED, UNKNOWN, Grid
+from vnav.core.grid import FREE, OCCUPIED, UNKNOWN, WALKED, Grid
 from vnav.errors import MapError
-from vnav.io.formats.grid_files import read_grid, write_grid
+from vnav.io.formats.grid_files import read_grid, write_grid, write_walked
 
 CELLS = np.array([[FREE, OCCUPIED, UNKNOWN], [UNKNOWN, FREE, FREE]], np.uint8)
 YAML = """\
@@ -36,6 +36,21 @@ def test_what_is_written_is_read_again(tmp_path: Path) -> None:
 def test_the_image_shows_y_upwards_in_the_greys_of_map_server(tmp_path: Path) -> None:
     write_grid(tmp_path, Grid((0, 0), 0.05, CELLS))
     assert (tmp_path / "grid.pgm").read_bytes() == b"P5\n3 2\n255\n\xcd\xfe\xfe\xfe\x00\xcd"
+
+
+def test_walked_cells_are_unknown_in_the_grid_and_free_in_an_image_of_their_own(
+    tmp_path: Path,
+) -> None:
+    grid = Grid((-1.35, 0.1 + 0.2), 0.05, np.array([[FREE, WALKED], [OCCUPIED, UNKNOWN]], np.uint8))
+    write_grid(tmp_path, grid)
+    write_walked(tmp_path, grid)
+    assert read_grid(tmp_path / "grid.yaml").cells.tolist() == [
+        [FREE, UNKNOWN],
+        [OCCUPIED, UNKNOWN],
+    ]
+    walked = read_grid(tmp_path / "walked.yaml")
+    assert (walked.origin, walked.resolution_m) == (grid.origin, grid.resolution_m)
+    assert walked.cells.tolist() == [[UNKNOWN, FREE], [UNKNOWN, UNKNOWN]]
 
 
 def test_a_grid_that_map_server_wrote_is_read(tmp_path: Path) -> None:

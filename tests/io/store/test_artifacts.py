@@ -10,6 +10,7 @@ import pytest
 from vnav.core import se3
 from vnav.core.camera import Intrinsics
 from vnav.core.frame import Edge, Features, Frame
+from vnav.core.grid import FREE, OCCUPIED, UNKNOWN, WALKED, Grid
 from vnav.core.mapping import (
     LOST,
     FrameFeatures,
@@ -20,7 +21,8 @@ from vnav.core.mapping import (
     OptimisedMap,
     World,
 )
-from vnav.errors import StaleArtifact
+from vnav.errors import MapError, StaleArtifact
+from vnav.io.formats.grid_files import write_grid, write_walked
 from vnav.io.store import artifacts
 from vnav.io.store.map_folder import MapFolder
 
@@ -219,3 +221,33 @@ def test_a_damaged_table_is_named(folder: MapFolder, damage: Callable[[Path], No
     damage(folder.root / "odometry" / "lost.json")
     with pytest.raises(StaleArtifact, match=r"expected .*lost\.json as the stage .* wrote it"):
         artifacts.load_odometry(folder)
+
+
+def test_a_grid_is_loaded_with_its_walked_cells(folder: MapFolder) -> None:
+    grid = Grid((-1.0, 2.0), 0.05, np.array([[FREE, WALKED, OCCUPIED], [UNKNOWN, WALKED, FREE]]))
+    found = artifacts.load_grid(
+        saved(folder, "fuse", lambda draft: artifacts.save_grid(draft, grid))
+    )
+    assert (found.origin, found.resolution_m) == (grid.origin, grid.resolution_m)
+    np.testing.assert_array_equal(found.cells, grid.cells)
+
+
+@pytest.mark.parametrize(
+    "other",
+    [
+        Grid((-1.0, 2.0), 0.05, np.array([[WALKED, UNKNOWN]])),
+        Grid((-1.0, 2.0), 0.05, np.array([[FREE, WALKED, WALKED]])),
+        Grid((-1.0, 2.1), 0.05, np.array([[FREE, WALKED]])),
+        Grid((-1.0, 2.0), 0.10, np.array([[FREE, WALKED]])),
+    ],
+    ids=["over seen floor", "another size", "another place", "another resolution"],
+)
+def test_a_corridor_that_is_no_part_of_the_unknown_is_refused(
+    folder: MapFolder, other: Grid
+) -> None:
+    def save(draft: Path) -> None:
+        write_grid(draft, Grid((-1.0, 2.0), 0.05, np.array([[FREE, UNKNOWN]])))
+        write_walked(draft, other)
+
+    with pytest.raises(MapError, match=r"walked\.yaml to be a part of what is unknown.*vnav fuse"):
+        artifacts.load_grid(saved(folder, "fuse", save))

@@ -10,26 +10,40 @@ from vnav.core.grid import FREE, OCCUPIED, UNKNOWN, Grid
 from vnav.errors import MapError
 from vnav.io.files import write_text
 
-_GREY = np.array([254, 0, 205], np.uint8)  # of FREE, OCCUPIED, UNKNOWN; map_server's own
+# Grey values of FREE, OCCUPIED, UNKNOWN, WALKED: map_server's own
+_GRID = np.array([254, 0, 205, 205], np.uint8)
+_CORRIDOR = np.array([205, 205, 205, 254], np.uint8)
 _KEYS = ("image", "resolution", "origin", "occupied_thresh", "free_thresh")
 _ADVICE = "run 'vnav fuse' again, or name a map_server grid of mode trinary"
 
 
 def write_grid(folder: Path, grid: Grid) -> None:
-    """Write grid.pgm, whose first row is the one farthest along y, and grid.yaml."""
+    """Write grid.pgm, whose first row is the one farthest along y, and grid.yaml.
+
+    Walked cells are unknown there.
+    """
+    _write(folder, "grid", grid, _GRID)
+
+
+def write_walked(folder: Path, grid: Grid) -> None:
+    """Write walked.pgm and walked.yaml, like the grid: free where it is walked, else unknown."""
+    _write(folder, "walked", grid, _CORRIDOR)
+
+
+def _write(folder: Path, name: str, grid: Grid, grey: NDArray[np.uint8]) -> None:
     rows, columns = grid.cells.shape
-    pixels = _GREY[grid.cells[::-1]]
-    (folder / "grid.pgm").write_bytes(b"P5\n%d %d\n255\n" % (columns, rows) + pixels.tobytes())
+    header, pixels = b"P5\n%d %d\n255\n" % (columns, rows), grey[grid.cells[::-1]]
+    (folder / f"{name}.pgm").write_bytes(header + pixels.tobytes())
     x, y = grid.origin
     lines = (
-        "image: grid.pgm",
+        f"image: {name}.pgm",
         f"resolution: {float(grid.resolution_m)!r}",
         f"origin: [{float(x)!r}, {float(y)!r}, 0.0]",
         "negate: 0",
         "occupied_thresh: 0.65",
         "free_thresh: 0.196",
     )
-    write_text(folder / "grid.yaml", "\n".join(lines) + "\n")
+    write_text(folder / f"{name}.yaml", "\n".join(lines) + "\n")
 
 
 def read_grid(path: Path) -> Grid:

@@ -1,5 +1,6 @@
 """The arrays that mapping stages leave in the map folder, saved and loaded."""
 
+import dataclasses
 import shutil
 from collections.abc import Iterable
 from pathlib import Path
@@ -12,7 +13,7 @@ from numpy.typing import NDArray
 
 from vnav.core.camera import Intrinsics
 from vnav.core.frame import Edge, Features, Frame
-from vnav.core.grid import Grid
+from vnav.core.grid import FREE, UNKNOWN, WALKED, Grid
 from vnav.core.mapping import (
     FrameFeatures,
     FrameTable,
@@ -28,7 +29,7 @@ from vnav.core.trajectory import Trajectory
 from vnav.errors import MapError
 from vnav.io.files import write_text
 from vnav.io.formats.arrays_file import Arrays, save_arrays
-from vnav.io.formats.grid_files import read_grid
+from vnav.io.formats.grid_files import read_grid, write_grid, write_walked
 from vnav.io.formats.ply import read_cloud, read_mesh
 from vnav.io.formats.trajectories import read_tum
 from vnav.io.store.map_folder import MapFolder, to_json
@@ -297,10 +298,28 @@ def load_trajectory(folder: MapFolder, capture: int = 0) -> Trajectory:
     return read_tum(folder.file("optimise", f"trajectory_{capture}.tum"))
 
 
+def save_grid(draft: Path, grid: Grid) -> None:
+    """Write grid.pgm and .yaml, whose walked cells are unknown, and walked.pgm and .yaml."""
+    write_grid(draft, grid)
+    write_walked(draft, grid)
+
+
 def load_grid(folder: MapFolder) -> Grid:
-    """The grid of free, occupied and unknown floor."""
-    folder.file("fuse", "grid.pgm")  # which the other names
-    return read_grid(folder.file("fuse", "grid.yaml"))
+    """The grid of free, occupied, unknown and walked floor."""
+    grid, walked = _load_grid(folder, "grid"), _load_grid(folder, "walked")
+    is_walked = walked.cells == FREE
+    places = ((g.origin, g.resolution_m, g.cells.shape) for g in (grid, walked))
+    if len(set(places)) > 1 or (np.where(is_walked, grid.cells, walked.cells) != UNKNOWN).any():
+        raise MapError(
+            f"expected {folder.root / 'fuse' / 'walked.yaml'} to be a part of what is unknown in"
+            " grid.yaml, found another grid; run 'vnav fuse' again"
+        )
+    return dataclasses.replace(grid, cells=np.where(is_walked, np.uint8(WALKED), grid.cells))
+
+
+def _load_grid(folder: MapFolder, name: str) -> Grid:
+    folder.file("fuse", f"{name}.pgm")  # which the other names
+    return read_grid(folder.file("fuse", f"{name}.yaml"))
 
 
 def load_cloud(folder: MapFolder) -> PointCloud:

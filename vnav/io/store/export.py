@@ -107,9 +107,9 @@ PARTS = {
         {"bt": _copy("fuse", "occupancy.bt"), "ot": _copy("fuse", "occupancy.ot")},
     ),
     "grid": Part(
-        "The grid, as ROS map_server reads it.",
+        "The grid and its walked corridor, as ROS map_server reads them.",
         "fuse",
-        {"pgm": _copy("fuse", "grid.pgm", "grid.yaml")},
+        {"pgm": _copy("fuse", "grid.pgm", "grid.yaml", "walked.pgm", "walked.yaml")},
     ),
     "mesh": Part("The coloured surface.", "fuse", {"ply": _copy("fuse", "mesh.ply"), "obj": _obj}),
     "graph": Part("The pose graph.", "optimise", {"g2o": _copy("optimise", "graph.g2o")}),

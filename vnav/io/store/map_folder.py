@@ -24,7 +24,7 @@ from vnav.io.files import write_text
 from vnav.io.store.map_lock import NAME as LOCK
 from vnav.io.store.map_lock import unwritable
 
-FORMAT = 5
+FORMAT = 6
 STAGES = ("odometry", "vocabulary", "loops", "optimise", "fuse", "index")
 _LEFTOVERS = tuple(f".{name}.*" for name in (*STAGES, "map.json"))  # drafts, and what they replace
 _OWN = (*_LEFTOVERS, *STAGES, "reports", "state")

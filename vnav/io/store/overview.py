@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 
-from vnav.core.grid import FREE, OCCUPIED, UNKNOWN
+from vnav.core.grid import STATES
 from vnav.core.mapping import counted
 from vnav.io.store.artifacts import load_grid, load_loops, load_odometry, load_optimised
 from vnav.io.store.map_folder import STAGES, MapFolder
@@ -97,11 +97,10 @@ def _frames(folder: MapFolder, is_optimised: bool) -> dict[str, Any]:
 def _grid(folder: MapFolder) -> dict[str, Any]:
     grid = load_grid(folder)
     rows, columns = grid.cells.shape
-    states = {"free": FREE, "occupied": OCCUPIED, "unknown": UNKNOWN}
     return {
         "grid": {
             "size_m": [round(columns * grid.resolution_m, 3), round(rows * grid.resolution_m, 3)],
             "resolution_m": grid.resolution_m,
-            "area_m2": {name: grid.area_m2(state) for name, state in states.items()},
+            "area_m2": {name: grid.area_m2(state) for name, state in STATES.items()},
         }
     }
