@@ -5,6 +5,7 @@ import os
 import sys
 from contextlib import suppress
 from importlib import import_module
+from pathlib import Path
 
 import click
 
@@ -35,6 +36,7 @@ COMMANDS = {
     "demo": "demo",
     "doctor": "doctor",
 }
+LAST_STREAM = 2  # descriptor of stderr
 
 
 class LazyGroup(click.Group):
@@ -66,8 +68,25 @@ def _close_stdout() -> None:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
+def _open_closed_streams() -> None:
+    """Give each standard stream a file: the next one opened would take a closed one's place."""
+    while (descriptor := os.open(os.devnull, os.O_RDWR)) <= LAST_STREAM:
+        pass
+    os.close(descriptor)
+    for name in ("stdout", "stderr"):
+        if getattr(sys, name) is None:
+            setattr(sys, name, Path(os.devnull).open("w"))  # noqa: SIM115 - for good
+
+
+def _in_one_line(error: VnavError) -> str:
+    """What an error says; some libraries tell theirs in several lines."""
+    return " ".join(str(error).split("\n")).strip()
+
+
 def main() -> int:
     """Run the command line; exit code 0, 1 (VnavError, OSError), 2 (usage) or 3 (answer: no)."""
+    _open_closed_streams()
+    os.environ.setdefault("OPENCV_LOG_LEVEL", "SILENT")  # what it finds is told by vnav
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):  # which may know few characters
             stream.reconfigure(errors="backslashreplace")
@@ -83,7 +102,7 @@ def main() -> int:
         say(f"vnav: {where}{error.strerror}; what was finished is kept", err=True)
         return 1
     except VnavError as error:
-        say(f"vnav: {error}", err=True)
+        say(f"vnav: {_in_one_line(error)}", err=True)
         return 1
     except click.ClickException as error:
         error.show()

@@ -5,6 +5,8 @@ from pathlib import Path
 from types import ModuleType
 
 import click
+import cv2
+import numpy as np
 import pytest
 
 from vnav.cli import main as entry
@@ -121,3 +123,33 @@ def test_no_command_at_all_shows_the_help_and_is_wrong_usage(tmp_path: Path) -> 
     shown = vnav(cwd=tmp_path)
     assert shown.returncode == 2
     assert "build-map" in shown.stderr
+
+
+def test_closed_streams_are_no_bug(tmp_path: Path) -> None:
+    for closed in ("<&-", ">&-", "2>&-", "<&- >&- 2>&-"):
+        command = f"exec {sys.executable} -m vnav config {closed}"
+        done = subprocess.run(["bash", "-c", command], cwd=tmp_path, text=True, capture_output=True)
+        assert (done.returncode, done.stderr) == (0, ""), closed
+
+
+def test_what_a_library_tells_in_lines_is_told_in_one(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run(monkeypatch, MapError("expected a map, found:\nan end\n")) == 1
+    assert capsys.readouterr() == ("", "vnav: expected a map, found: an end\n")
+
+
+def test_opencv_adds_nothing_to_the_one_line(tmp_path: Path) -> None:
+    photo = tmp_path / "photo.tif"
+    cv2.imwrite(str(photo), np.zeros((40, 60), np.uint8))
+    photo.write_bytes(photo.read_bytes()[:60])
+    code = (
+        "import sys; sys.argv = ['vnav', '--version']; from vnav.cli.main import main; main()\n"
+        "from pathlib import Path; from vnav.io.formats.images import read_image\n"
+        f"read_image(Path({str(photo)!r}))"
+    )
+    command = [sys.executable, "-c", code]
+    done = subprocess.run(command, cwd=tmp_path, text=True, capture_output=True)
+    assert "expected an image" in done.stderr
+    assert "[ERROR" not in done.stderr
+    assert "[ WARN" not in done.stderr

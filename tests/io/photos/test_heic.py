@@ -1,3 +1,4 @@
+import os
 import sys
 from pathlib import Path
 
@@ -28,6 +29,12 @@ def test_heic_is_told_by_its_content(broken: Path, tmp_path: Path) -> None:
     assert not is_heic(named)
     assert not is_heic(tmp_path / "missing.heic")
     assert read_photo(named).shape == (4, 4, 3)
+
+
+def test_a_pipe_is_no_photo_and_is_not_waited_for(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "photo.heic")
+    with pytest.raises(PhotoError, match="no regular file"):
+        read_photo(tmp_path / "photo.heic")
 
 
 def test_without_the_library_what_to_install_is_told(

@@ -261,6 +261,15 @@ def test_no_number_that_json_cannot_hold_is_written(folder: MapFolder) -> None:
         folder.write_report("odometry", {"rms": float("nan")})
 
 
+@pytest.mark.parametrize("number", ["NaN", "1e999"])
+def test_a_number_that_json_cannot_hold_is_another_content(folder: MapFolder, number: str) -> None:
+    write(folder, "odometry")
+    path = folder.root / "odometry" / "stage.json"
+    path.write_text(path.read_text().replace('"seed": 0', f'"seed": {number}'))
+    with pytest.raises(StaleArtifact, match="found another content"):
+        MapFolder(folder.root).settings("odometry")
+
+
 def finished(folder: MapFolder) -> MapFolder:
     before: list[str] = []
     for stage in map_folder.STAGES:
