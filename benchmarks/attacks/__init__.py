@@ -1,0 +1,1 @@
+"""Hostile input for vnav, class by class; benchmarks/attack.py runs it."""

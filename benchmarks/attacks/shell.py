@@ -1,0 +1,85 @@
+"""A command as a shell runs it: a process of its own, and what that may suffer."""
+
+import os
+import resource
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+from attacks.attempt import Disturbance, Result
+from attacks.worker import name_of
+
+VNAV = Path(sys.executable).with_name("vnav")
+DESCRIPTORS = {"stdin": 0, "stdout": 1, "stderr": 2}
+
+
+def run(
+    arguments: Sequence[str],
+    folder: Path,
+    seconds: float,
+    suffered: Disturbance = Disturbance(),  # noqa: B008 - it is frozen
+) -> Result:
+    """What a command in a folder came to."""
+    changed = {**os.environ, **suffered.environment}
+    environment = {name: value for name, value in changed.items() if value is not None}
+    with tempfile.TemporaryFile() as out, tempfile.TemporaryFile() as err:
+        process = subprocess.Popen(
+            [str(VNAV), *arguments],
+            cwd=folder,
+            env=environment,
+            stdin=subprocess.DEVNULL,
+            stdout=out,
+            stderr=err,
+            preexec_fn=before(suffered),
+            start_new_session=True,
+        )
+        ended = waited(process, seconds, suffered.interrupt_s)
+        texts = []
+        for file in (out, err):
+            file.seek(0)
+            texts.append(file.read().decode("utf-8", "replace"))
+    code = process.returncode
+    if not ended and code < 0:
+        ended = f"a crash: {name_of(code)}"
+    return Result(code, *texts, ended)
+
+
+def waited(process: "subprocess.Popen[bytes]", seconds: float, interrupt_s: float | None) -> str:
+    """Wait for a process, with SIGINT meanwhile; what ended it where it did not itself."""
+    begun = time.monotonic()
+    try:
+        if interrupt_s is not None:
+            try:
+                process.wait(interrupt_s)
+            except subprocess.TimeoutExpired:
+                process.send_signal(signal.SIGINT)
+        process.wait(max(1.0, seconds - (time.monotonic() - begun)))
+    except subprocess.TimeoutExpired:
+        os.killpg(process.pid, signal.SIGKILL)
+        process.wait()
+        return f"a hang: more than {seconds:g} s"
+    return ""
+
+
+def before(suffered: Disturbance) -> Callable[[], None]:
+    """What the process does to itself before it becomes vnav."""
+
+    def prepare() -> None:
+        resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+        for number, most in suffered.limits.items():
+            resource.setrlimit(number, (most, most))
+        for name, file in suffered.streams.items():
+            if file == "closed":
+                os.close(DESCRIPTORS[name])
+            else:
+                os.dup2(os.open(file, os.O_RDWR), DESCRIPTORS[name])
+        if suffered.user is not None:
+            os.setgroups([])
+            os.setgid(suffered.user)
+            os.setuid(suffered.user)
+
+    return prepare
