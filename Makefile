@@ -3,7 +3,7 @@
 #   make test        set-up, the checks of `make check`, all tests that need no capture
 #   make check       doctor, lint, format, types
 #   make bench       speed against peers            make bench-real   all on ../shared/captures
-#   make attack      5,000 hostile inputs, an hour   make     kills, full disks, two writers at once
+#   make attack      5,000 hostile inputs, an hour
 #   make results     docs/results.md, of what these two record in benchmarks/results
 #   make pictures    the pictures of README.md and the tutorial, from the demo
 #   make clean       everything that make made
