@@ -29,6 +29,7 @@ from vnav.core.association import associate
 from vnav.core.frame import Features
 from vnav.core.mapping import FrameFeatures
 from vnav.core.reduced_frame import ReducedFrame, in_pixels, reduced
+from vnav.features.sift import SPACE
 from vnav.io.sources.capture import Capture
 from vnav.io.sources.open_capture import open_capture, read_truth
 from vnav.synthetic.masks import read_moving_masks
@@ -36,7 +37,7 @@ from vnav.tracking.frame_masks import FrameMasks
 from vnav.tracking.pose_choice import TrackedFrame
 
 Pixels = NDArray[np.bool_]
-NO_FEATURES = Features(np.zeros((0, 2)), np.zeros((0, 128)), *np.zeros((3, 0)))
+NO_FEATURES = Features(np.zeros((0, 2)), SPACE.none(), *np.zeros((3, 0)), SPACE)
 IOU, RECALL, MEAN_SHARE, MOST_SHARE = 0.6, 0.8, 0.01, 0.1  # that are wanted
 
 

@@ -98,6 +98,7 @@ def posed_map(tmp_path_factory: pytest.TempPathFactory, tiny_capture: Path) -> P
         OptimisedMap,
         World,
     )
+    from vnav.features.sift import SPACE
     from vnav.io.formats.trajectories import read_tum, write_tum
     from vnav.io.sources.open_capture import open_capture
     from vnav.io.store import artifacts
@@ -113,7 +114,7 @@ def posed_map(tmp_path_factory: pytest.TempPathFactory, tiny_capture: Path) -> P
     poses, segment = truth.T_world_camera.copy(), np.zeros(count, np.int32)
     poses[lost], segment[lost] = np.nan, LOST
     empty = np.zeros((0, 1), np.float32)
-    none = Features(empty.reshape(0, 2), np.zeros((0, 128), np.uint8), *[empty[:, 0]] * 3)
+    none = Features(empty.reshape(0, 2), SPACE.none(), *[empty[:, 0]] * 3, SPACE)
     keyframes = tuple(FrameFeatures(r, none, empty.reshape(0, 3)) for r in range(0, count, 5))
     table = FrameTable(np.zeros(count), np.arange(count), truth.stamps_s)
     reasons = tuple("too dark" if row == lost else "" for row in range(count))

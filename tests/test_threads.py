@@ -17,8 +17,9 @@ import hashlib
 import numpy as np
 from vnav import vocabulary
 from vnav.config import VocabularyConfig
+from vnav.features.sift import SPACE
 descriptors = np.random.default_rng(0).integers(0, 80, (2000, 128)).astype(np.uint8)
-tree = vocabulary.train(descriptors, VocabularyConfig(), 0)
+tree = vocabulary.train(descriptors, SPACE, VocabularyConfig(), 0)
 print(hashlib.sha256(tree.centres.tobytes() + tree.level.tobytes()).hexdigest())
 """
 

@@ -4,11 +4,13 @@ Source: Nister, Stewenius, "Scalable recognition with a vocabulary tree", 2006.
 """
 
 import warnings
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from vnav.config import VocabularyConfig
+from vnav.core.descriptor_space import DescriptorSpace
 from vnav.core.tree import VocabularyTree
 from vnav.errors import VnavError
 from vnav.threads import one_blas_thread, one_openmp_thread
@@ -16,7 +18,9 @@ from vnav.threads import one_blas_thread, one_openmp_thread
 MAX_ITERATIONS = 12  # of k-means at one node; an approximate tree quantises as well as an exact one
 
 
-def train(descriptors: NDArray[np.uint8], config: VocabularyConfig, seed: int) -> VocabularyTree:
+def train(
+    descriptors: NDArray[Any], space: DescriptorSpace, config: VocabularyConfig, seed: int
+) -> VocabularyTree:
     """The tree of descriptors (N, D); N = 0 gives a root alone, where all share one word.
 
     More than ``config.max_descriptors`` are subsampled. The same input and seed give the same
@@ -32,30 +36,34 @@ def train(descriptors: NDArray[np.uint8], config: VocabularyConfig, seed: int) -
         one_openmp_thread,
         trusted,
     ):  # checks take a third of the time of a small node
-        return _grow(descriptors, config, rng)
+        return _grow(descriptors, space, config, rng)
 
 
 def self_test() -> None:
     """Raise VnavError where k-means does not separate two clusters."""
     low, high = np.full((20, 128), 10, np.uint8), np.full((20, 128), 200, np.uint8)
+    bytes_of_128 = DescriptorSpace("", "uint8", 128, "l2", 1.0)
     config = VocabularyConfig(branching=2, max_levels=1, min_leaf=2)
-    tree = train(np.concatenate([low, high]), config, 0)
+    tree = train(np.concatenate([low, high]), bytes_of_128, config, 0)
     words = tree.quantise(np.stack([low[0], high[0]]))[:, -1]
     if tree.words != 2 or words[0] == words[1]:
         raise VnavError("expected k-means to find two clusters; reinstall scikit-learn")
 
 
 def _grow(
-    descriptors: NDArray[np.uint8], config: VocabularyConfig, rng: np.random.Generator
+    descriptors: NDArray[Any],
+    space: DescriptorSpace,
+    config: VocabularyConfig,
+    rng: np.random.Generator,
 ) -> VocabularyTree:
     """Split nodes breadth first, so that children lie side by side and levels ascend."""
-    root = np.zeros((1, descriptors.shape[1]), np.uint8)
+    root = np.zeros((1, space.width), space.dtype)
     centres, first_child, children, level = [root], [0], [0], [0]
     queue = [(0, np.arange(len(descriptors)))]
     for node, members in queue:
         if level[node] == config.max_levels or len(members) < config.min_leaf:
             continue
-        means, label = _split(descriptors[members], config.branching, rng)
+        means, label = _split(descriptors[members], space, config.branching, rng)
         if len(means) < 2:
             continue
         first_child[node], children[node] = len(level), len(means)
@@ -70,34 +78,34 @@ def _grow(
         np.array(first_child, np.int32),
         np.array(children, np.int32),
         np.array(level, np.int32),
+        space,
     )
 
 
-def _subsampled(
-    descriptors: NDArray[np.uint8], count: int, rng: np.random.Generator
-) -> NDArray[np.uint8]:
+def _subsampled(descriptors: NDArray[Any], count: int, rng: np.random.Generator) -> NDArray[Any]:
     if len(descriptors) <= count:
         return descriptors
     return descriptors[np.sort(rng.choice(len(descriptors), count, replace=False))]
 
 
 def _split(
-    descriptors: NDArray[np.uint8], branching: int, rng: np.random.Generator
-) -> tuple[NDArray[np.uint8], NDArray[np.intp]]:
+    descriptors: NDArray[Any], space: DescriptorSpace, branching: int, rng: np.random.Generator
+) -> tuple[NDArray[Any], NDArray[np.intp]]:
     """Means (k, D) of at most ``branching`` non-empty clusters, and each descriptor's cluster.
 
-    Clusters are those of the rounded means, the ones that quantising will use.
+    Clusters are those of the descriptors nearest to the means, the ones that quantising will use.
     """
     from sklearn.cluster import KMeans
     from sklearn.exceptions import ConvergenceWarning
 
-    values = descriptors.astype(np.float32)
+    values = space.vectors(descriptors)
     start = values[rng.choice(len(values), min(branching, len(values)), replace=False)]
     kmeans = KMeans(len(start), init=start, n_init=1, max_iter=MAX_ITERATIONS)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", ConvergenceWarning)  # identical descriptors: fewer clusters
         kmeans.fit(values)
-    means = np.rint(kmeans.cluster_centers_)
-    nearest = (values @ means.T - (means**2).sum(1) / 2).argmax(1)
+    means = space.nearest(kmeans.cluster_centers_)
+    vectors = space.vectors(means)
+    nearest = (values @ vectors.T - (vectors**2).sum(1) / 2).argmax(1)
     used, label = np.unique(nearest, return_inverse=True)
-    return means[used].astype(np.uint8), label
+    return means[used], label

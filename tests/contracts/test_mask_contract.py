@@ -1,23 +1,24 @@
-"""What every mask must hold; a new one in METHODS is tested by being there."""
+"""What every mask must hold; a new one in MASKS is tested by being there."""
 
 import numpy as np
 import pytest
 
 from tests.masking.moving_box import CAMERA, Walk, all_masks, walk
 from vnav.config import SETTINGS, Config, load
+from vnav.config.registries import MASKS, registered
 from vnav.core.reduced_frame import ReducedFrame
 from vnav.errors import ConfigError
-from vnav.masking import METHODS, mask
+from vnav.masking import mask
 
 SECONDS = 6.0
 
 
-@pytest.fixture(params=sorted(METHODS))
+@pytest.fixture(params=sorted(MASKS))
 def config(request: pytest.FixtureRequest) -> Config:
     return load(settings=[f"masking.method={request.param}"])
 
 
-@pytest.fixture(params=sorted(METHODS.keys() - {"none"}))
+@pytest.fixture(params=sorted(MASKS.keys() - {"none"}))
 def watchful(request: pytest.FixtureRequest) -> Config:
     """A configuration of a mask that masks anything at all."""
     return load(settings=[f"masking.method={request.param}"])
@@ -34,13 +35,13 @@ def recalls(walked: Walk, config: Config, rows: range) -> list[float]:
 
 
 def test_the_mask_that_the_configuration_names_is_made(config: Config) -> None:
-    assert type(mask(config)) is METHODS[config.masking.method]
+    assert type(mask(config)) is registered(MASKS, config.masking.method)
 
 
 def test_the_choice_of_the_setting_is_the_registry() -> None:
     with pytest.raises(ConfigError, match="masking.method"):
         load(settings=["masking.method=nonsense"])
-    assert set(SETTINGS["masking.method"].allowed.values) == set(METHODS)
+    assert set(SETTINGS["masking.method"].allowed.values) == set(MASKS)
 
 
 def test_a_mask_has_the_frames_shape_and_the_first_frame_has_none(

@@ -5,6 +5,7 @@ import pytest
 
 from vnav.core.camera import Intrinsics
 from vnav.core.frame import Edge, Features, Frame, no_depth
+from vnav.features.sift import SPACE
 
 CAMERA = Intrinsics(6, 4, 5.0, 5.0, 2.5, 1.5)
 
@@ -13,10 +14,11 @@ def features(count: int) -> Features:
     rng = np.random.default_rng(0)
     return Features(
         rng.uniform(0, 99, (count, 2)),
-        rng.integers(0, 256, (count, 128)),
+        rng.integers(0, 256, (count, 128)).astype(np.uint8),
         np.arange(count)[::-1],
         np.ones(count),
         np.zeros(count),
+        SPACE,
     )
 
 
@@ -60,7 +62,7 @@ def test_selected_features_keep_all_their_columns_in_step() -> None:
 
 def test_columns_of_different_length_are_refused() -> None:
     with pytest.raises(ValueError, match="expected an array of shape"):
-        Features(np.zeros((2, 2)), np.zeros((3, 128)), np.zeros(2), np.zeros(2), np.zeros(2))
+        Features(np.zeros((2, 2)), np.zeros((3, 128), np.uint8), *np.zeros((3, 2)), SPACE)
 
 
 def test_an_edge_needs_a_transform_and_an_information_matrix() -> None:

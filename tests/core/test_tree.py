@@ -2,6 +2,7 @@ import numpy as np
 import pytest
 
 from vnav.core.tree import CHUNK, VocabularyTree
+from vnav.features.sift import SPACE
 
 
 @pytest.fixture
@@ -14,6 +15,7 @@ def tree() -> VocabularyTree:
         np.array([1, 0, 3, 0, 0]),
         np.array([2, 0, 2, 0, 0]),
         np.array([0, 1, 1, 2, 2]),
+        SPACE,
     )
 
 
@@ -50,6 +52,6 @@ def test_words_are_the_leaves(tree: VocabularyTree) -> None:
 
 
 def test_arrays_give_the_tree_back(tree: VocabularyTree) -> None:
-    again = VocabularyTree(**tree.to_arrays())
+    again = VocabularyTree(**tree.to_arrays(), space=SPACE)
     for name, array in tree.to_arrays().items():
         np.testing.assert_array_equal(array, again.to_arrays()[name])

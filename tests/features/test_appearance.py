@@ -2,11 +2,12 @@ import numpy as np
 
 from vnav.core.frame import Features
 from vnav.features.appearance import global_descriptor
+from vnav.features.sift import SPACE
 
 
 def features(descriptors: np.ndarray) -> Features:
     n = len(descriptors)
-    return Features(np.zeros((n, 2)), descriptors, np.ones(n), np.ones(n), np.zeros(n))
+    return Features(np.zeros((n, 2)), descriptors, np.ones(n), np.ones(n), np.zeros(n), SPACE)
 
 
 def scene(seed: int, count: int = 400) -> np.ndarray:

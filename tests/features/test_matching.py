@@ -6,7 +6,7 @@ from vnav.config import RegistrationConfig
 from vnav.core.frame import Features
 from vnav.features.guided_matching import match_guided
 from vnav.features.matching import DescriptorMatcher, match
-from vnav.features.sift import ROOT_SCALE
+from vnav.features.sift import ROOT_SCALE, SPACE
 
 NOWHERE = (np.nan, np.nan)
 
@@ -21,7 +21,7 @@ def features(values: list[int], px: list[tuple[float, float]] | None = None) -> 
 def described(descriptors: np.ndarray, px: list[tuple[float, float]] | None = None) -> Features:
     n = len(descriptors)
     places = np.zeros((n, 2)) if px is None else np.array(px).reshape(n, 2)
-    return Features(places, descriptors, np.ones(n), np.ones(n), np.zeros(n))
+    return Features(places, descriptors, np.ones(n), np.ones(n), np.zeros(n), SPACE)
 
 
 def pairs(matches: np.ndarray) -> list[tuple[int, int]]:

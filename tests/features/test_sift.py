@@ -2,6 +2,7 @@ import cv2
 import numpy as np
 
 from vnav.config import FeaturesConfig, SiftConfig
+from vnav.features.matching import match
 from vnav.features.sift import ROOT_SCALE, Sift, root_sift, self_test
 
 
@@ -34,6 +35,26 @@ def test_plain_sift_is_had_by_choice() -> None:
     rooted = root_sift(plain.descriptors.astype(np.float32))
     # Plain SIFT is stored in whole numbers, too: rounding both is off by 1 where numbers are small.
     assert np.abs(rooted - root.descriptors).max() <= 1
+
+
+def test_the_strongest_are_kept() -> None:
+    noise = cv2.GaussianBlur(np.random.default_rng(1).standard_normal((160, 220)), (0, 0), 2)
+    image = np.repeat((128 + 30 * noise / noise.std()).clip(0, 255)[..., None], 3, 2)
+    few, every = (
+        Sift(FeaturesConfig(max_features=count)).extract(image.astype(np.uint8))
+        for count in (50, 200)
+    )
+    np.testing.assert_allclose(few.scores, every.scores[:50], rtol=1e-6)
+
+
+def test_a_shift_by_whole_pixels_shifts_features_by_them() -> None:
+    noise = cv2.GaussianBlur(np.random.default_rng(1).standard_normal((160, 220)), (0, 0), 2)
+    image = np.repeat((128 + 30 * noise / noise.std()).clip(0, 255)[..., None], 3, 2)
+    image = image.astype(np.uint8)
+    a, b = (Sift(FeaturesConfig()).extract(part) for part in (image, image[4:, 7:]))
+    pairs = match(a, b, 0.8)
+    off = a.keypoints_px[pairs[:, 0]] - b.keypoints_px[pairs[:, 1]] - (7, 4)
+    assert np.median(np.linalg.norm(off, axis=1)) < 0.1
 
 
 def test_the_self_test_passes() -> None:

@@ -14,6 +14,7 @@ from vnav.core.camera import Intrinsics
 from vnav.core.frame import Features
 from vnav.core.mapping import FrameFeatures, Landmarks
 from vnav.core.voxels import Voxels
+from vnav.features.sift import SPACE
 from vnav.localisation.database import LandmarkDatabase
 from vnav.localisation.indexing import MappedKeyframe, build
 from vnav.localisation.view import View
@@ -105,6 +106,7 @@ def seen(
         np.ones(count),
         np.append(2 * np.linalg.norm(patch, axis=1), rng.uniform(4, 20, clutter)),
         np.append(np.arctan2(patch[:, 1], patch[:, 0]), rng.uniform(-3, 3, clutter)),
+        SPACE,
     ), np.append(which, np.full(clutter, -1))
 
 
@@ -136,7 +138,7 @@ def mapped(
         )
         for k, (T, (features, _)) in enumerate(zip(poses, views, strict=True))
     ]
-    tree = train(np.concatenate([f.descriptors for f, _ in views]), VocabularyConfig(), 0)
+    tree = train(np.concatenate([f.descriptors for f, _ in views]), SPACE, VocabularyConfig(), 0)
     none_retired = np.zeros(len(known), bool)
     index = build(landmarks, none_retired, keyframes, tree, voxels, IndexConfig(), rng)
     return LandmarkDatabase(index, tree)

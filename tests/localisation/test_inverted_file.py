@@ -1,13 +1,14 @@
 import numpy as np
 import pytest
 
+from vnav.features.sift import SPACE
 from vnav.localisation.inverted_file import InvertedFile, nearest_distinct
 
 
 def database(rng, count=300):
     descriptors = rng.integers(0, 256, (count, 128)).astype(np.uint8)
     position = rng.uniform(0, 1, (count, 3)).astype(np.float32)
-    return InvertedFile(descriptors, position, 0.3)
+    return InvertedFile(descriptors, position, 0.3, SPACE)
 
 
 def by_hand(query, first, last, db, count):
@@ -47,7 +48,7 @@ def test_a_sole_candidate_has_no_second_nearest():
 def test_what_lies_in_the_same_place_is_no_second_nearest():
     rng = np.random.default_rng(2)
     db = database(rng, 2)
-    together = InvertedFile(db.descriptors, np.zeros((2, 3), np.float32), 0.3)
+    together = InvertedFile(db.descriptors, np.zeros((2, 3), np.float32), 0.3, SPACE)
     _, distances = nearest_distinct(db.descriptors[:1], np.array([[0, 2]], np.int32), together, 2)
     assert distances[0, 0] == 0
     assert np.isinf(distances[0, 1])

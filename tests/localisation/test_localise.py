@@ -5,6 +5,7 @@ import pytest
 
 from vnav.config import LocateConfig
 from vnav.core import se3
+from vnav.features.sift import SPACE
 from vnav.localisation import localise as rooms
 from vnav.localisation.localise import localise
 from vnav.localisation.photo import prepare
@@ -214,7 +215,7 @@ def test_an_empty_map_locates_nothing(world, photo_features):
 
     none = np.zeros(0, np.int32)
     landmarks = Landmarks(np.zeros((0, 3)), np.zeros(0), none, none, none)
-    tree = train(np.zeros((0, 128), np.uint8), VocabularyConfig(), 0)
+    tree = train(SPACE.none(), SPACE, VocabularyConfig(), 0)
     nothing = Voxels.filled(np.zeros((0, 3)), np.zeros(0), 0.05)
     rng = np.random.default_rng(0)
     index = build(landmarks, none > 0, [], tree, nothing, IndexConfig(), rng)

@@ -7,6 +7,7 @@ from vnav.core import se3
 from vnav.core.camera import Intrinsics
 from vnav.core.frame import Features
 from vnav.core.mapping import FrameFeatures, FrameTable, Odometry
+from vnav.features.sift import SPACE
 from vnav.loop_closing.loop_candidates import by_proximity, view_overlap
 
 CAMERA = Intrinsics(640, 480, 525.0, 525.0, 319.5, 239.5)
@@ -19,7 +20,9 @@ def keyframe(row: int, with_depth: int = 100) -> FrameFeatures:
     points = CAMERA.unproject(px, np.full(100, 2.0))
     points[with_depth:] = np.nan
     ones = np.ones(100, np.float32)
-    features = Features(px.astype(np.float32), np.zeros((100, 128), np.uint8), ones, ones, ones)
+    features = Features(
+        px.astype(np.float32), np.zeros((100, 128), np.uint8), ones, ones, ones, SPACE
+    )
     return FrameFeatures(row, features, points.astype(np.float32))
 
 

@@ -10,13 +10,14 @@ from vnav.core.camera import Intrinsics
 from vnav.core.frame import Features
 from vnav.core.mapping import FrameFeatures
 from vnav.core.reduced_frame import ReducedFrame
+from vnav.features.sift import SPACE
 from vnav.tracking.frame_masks import FrameMasks, SeenFrame
 from vnav.tracking.pose_choice import TrackedFrame
 
 CAMERA = Intrinsics(80, 60, 65.0, 65.0, 39.5, 29.5)
 WALL_M, BOX_M, HALF_BOX_M = 3.0, 2.0, (0.25, 0.4)
 STEP_S, CAMERA_STEP_M = 0.1, 0.01
-NO_FEATURES = Features(np.zeros((0, 2)), np.zeros((0, 128)), *np.zeros((3, 0)))
+NO_FEATURES = Features(np.zeros((0, 2)), SPACE.none(), *np.zeros((3, 0)), SPACE)
 Place = Callable[[float], float]  # of the box, in metres to the right, by time
 
 

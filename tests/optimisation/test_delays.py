@@ -10,6 +10,7 @@ from vnav.core import se3
 from vnav.core.frame import Edge, Features, PoseEstimate
 from vnav.core.mapping import FrameFeatures, FrameTable, Odometry
 from vnav.features.lifting import lift
+from vnav.features.sift import SPACE
 from vnav.optimisation.sensor_errors import SensorErrors
 from vnav.optimisation.solution import Solution, solve
 from vnav.registration.correspondences import Correspondences
@@ -74,7 +75,7 @@ def recorded() -> tuple[list[FrameFeatures], list[np.ndarray]]:
         points_camera = lift(px, depths[-1], CAMERA, CONFIG)
         points_camera[hidden | out] = np.nan
         ones = np.ones(POINTS)
-        features = Features(px, np.zeros((POINTS, 128)), ones, ones, 0 * ones)
+        features = Features(px, np.zeros((POINTS, 128), np.uint8), ones, ones, 0 * ones, SPACE)
         frames.append(FrameFeatures(row, features, points_camera))
     return frames, depths
 

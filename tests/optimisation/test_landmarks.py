@@ -1,6 +1,6 @@
 """Landmarks of keyframes that go past a wall of points, with the noise of the settings."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
@@ -10,6 +10,7 @@ from vnav.core import se3
 from vnav.core.camera import Intrinsics
 from vnav.core.frame import Edge, Features
 from vnav.core.mapping import FrameFeatures
+from vnav.features.sift import SPACE
 from vnav.optimisation.bundle_graph import PosePrior
 from vnav.optimisation.feature_tracks import FeatureTracks
 from vnav.optimisation.landmarks import AdjustedBundle, adjust_landmarks
@@ -71,7 +72,9 @@ def measured(
     px = CAMERA.project(points) + noise * NOISE.pixel_sigma_px * rng.standard_normal((n, 2))
     inverse = 1 / points[:, 2] + noise * NOISE.depth_sigma_per_m2 * rng.standard_normal(n)
     inverse += offset
-    features = Features(px, np.zeros((n, 128)), np.ones(n), np.ones(n), np.zeros(n))
+    features = Features(
+        px, np.zeros((n, 128), np.uint8), np.ones(n), np.ones(n), np.zeros(n), SPACE
+    )
     return FrameFeatures(row, features, CAMERA.unproject(features.keypoints_px, 1 / inverse))
 
 
@@ -83,7 +86,7 @@ def changed(
     px[rows] += shift_px
     points[rows] = CAMERA.unproject(px[rows], points[rows, 2]) if depth else np.nan
     old = keyframe.features
-    features = Features(px, old.descriptors, old.scores, old.scales_px, old.angles_rad)
+    features = replace(old, keypoints_px=px)
     return FrameFeatures(keyframe.row, features, points)
 
 

@@ -16,6 +16,7 @@ from vnav.core import se3
 from vnav.core.frame import Edge, Features
 from vnav.core.graph import chain
 from vnav.core.mapping import LOST, FrameFeatures, FrameTable, Odometry
+from vnav.features.sift import SPACE
 from vnav.optimisation.contradictions import contradictions
 from vnav.optimisation.cycles import noise_factor, suspects
 from vnav.optimisation.mending import CUT, LEFT_OUT, REGISTERED_AGAIN, Mend, mend
@@ -40,7 +41,7 @@ def walked(T: np.ndarray, seed: int = 0) -> Odometry:
 
 def of_edges(edges: Sequence[Edge], count: int) -> Odometry:
     empty = np.zeros((0, 1), np.float32)
-    none = Features(empty.reshape(0, 2), np.zeros((0, 128), np.uint8), *[empty[:, 0]] * 3)
+    none = Features(empty.reshape(0, 2), SPACE.none(), *[empty[:, 0]] * 3, SPACE)
     keyframes = tuple(FrameFeatures(r, none, empty.reshape(0, 3)) for r in range(0, count, EVERY))
     poses, segment = chain(count, edges, [k.row for k in keyframes])
     table = FrameTable(np.zeros(count), np.arange(count), np.arange(count) / 30)

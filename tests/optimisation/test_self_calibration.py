@@ -10,6 +10,7 @@ from vnav.core import se3
 from vnav.core.frame import Edge, Features
 from vnav.core.mapping import FrameFeatures
 from vnav.features.lifting import lift
+from vnav.features.sift import SPACE
 from vnav.optimisation.displacement import displacements, without_displacement
 from vnav.optimisation.feature_tracks import FeatureTracks
 from vnav.optimisation.observation_selection import ObservationSelection
@@ -124,7 +125,9 @@ def _visible(room: Scene, T: np.ndarray, points: np.ndarray) -> np.ndarray:
 def _frame(row: int, px: np.ndarray, depth_m: np.ndarray, visible: np.ndarray) -> FrameFeatures:
     n = len(px)
     px = np.where(visible[:, None], np.nan_to_num(px), 0).astype(np.float32)
-    features = Features(px, np.zeros((n, 128)), np.ones(n), np.ones(n), np.zeros(n))
+    features = Features(
+        px, np.zeros((n, 128), np.uint8), np.ones(n), np.ones(n), np.zeros(n), SPACE
+    )
     points = lift(px, depth_m, CAMERA, CONFIG)
     points[~visible] = np.nan
     return FrameFeatures(row, features, points)

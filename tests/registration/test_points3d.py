@@ -9,6 +9,7 @@ from vnav.core.camera import Intrinsics
 from vnav.core.frame import Features, PoseEstimate, Rejected
 from vnav.core.mapping import FrameFeatures
 from vnav.features.matching import DescriptorMatcher
+from vnav.features.sift import SPACE
 from vnav.registration.points3d import PointRegistration
 
 CAMERA = Intrinsics(640, 480, 525.0, 525.0, 319.5, 239.5)
@@ -41,7 +42,7 @@ def measured(
     n = len(points)
     px = camera.project(points) + CONFIG.pixel_sigma_px * rng.standard_normal((n, 2))
     inverse_depth = 1 / points[:, 2] + CONFIG.depth_sigma_per_m2 * rng.standard_normal(n)
-    features = Features(px, descriptors, np.ones(n), np.ones(n), np.zeros(n))
+    features = Features(px, descriptors, np.ones(n), np.ones(n), np.zeros(n), SPACE)
     return FrameFeatures(0, features, camera.unproject(px, 1 / inverse_depth))
 
 
@@ -88,7 +89,7 @@ def test_without_noise_the_motion_is_exact() -> None:
     rng = np.random.default_rng(0)
     points, descriptors = scattered(rng, 100), described(rng, 100)
     a, b = (
-        FrameFeatures(0, Features(CAMERA.project(p), descriptors, *np.ones((3, 100))), p)
+        FrameFeatures(0, Features(CAMERA.project(p), descriptors, *np.ones((3, 100)), SPACE), p)
         for p in (points, se3.transform(se3.inverse(MOTION), points))
     )
     np.testing.assert_allclose(estimated((a, b)).T_a_b, MOTION, atol=1e-5)

@@ -17,6 +17,7 @@ from vnav.core.frame import Features, Rejected
 from vnav.core.grid import FREE, OCCUPIED, Grid
 from vnav.core.mapping import FrameFeatures, FrameTable, Landmarks, Odometry, OptimisedMap, World
 from vnav.errors import MapError, StaleArtifact, VnavError
+from vnav.features.sift import SPACE
 from vnav.io.store.artifacts import save_grid, save_odometry, save_optimised
 from vnav.io.store.map_folder import MapFolder
 from vnav.planning.planner import Plan
@@ -38,7 +39,7 @@ def _optimised(sigma_m: float, position_sigma_m: float) -> OptimisedMap:
 
 def _odometry() -> Odometry:
     """One frame, a keyframe without features."""
-    none = Features(np.zeros((0, 2)), np.zeros((0, 128)), *np.zeros((3, 0)))
+    none = Features(np.zeros((0, 2)), SPACE.none(), *np.zeros((3, 0)), SPACE)
     keyframe = FrameFeatures(0, none, np.zeros((0, 3), np.float32))
     first = np.zeros(1, np.int32)
     return Odometry(

@@ -11,6 +11,7 @@ from vnav.core.camera import Intrinsics
 from vnav.core.frame import Features
 from vnav.core.mapping import FrameFeatures
 from vnav.core.reduced_frame import ReducedFrame
+from vnav.features.sift import SPACE
 from vnav.tracking.keyframes import Keyframes, is_new_view
 from vnav.tracking.pose_choice import TrackedFrame
 
@@ -26,7 +27,7 @@ def frame(row: int, seed: int) -> TrackedFrame:
     """A frame whose descriptors are those of a scene."""
     n = 200
     descriptors = np.random.default_rng(seed).integers(0, 256, (n, 128)).astype(np.uint8)
-    features = Features(np.zeros((n, 2)), descriptors, np.ones(n), np.ones(n), np.zeros(n))
+    features = Features(np.zeros((n, 2)), descriptors, np.ones(n), np.ones(n), np.zeros(n), SPACE)
     points = np.full((n, 3), np.nan)
     return TrackedFrame(FrameFeatures(row, features, points), IMAGE, CAMERA)
 

@@ -6,6 +6,7 @@ import pytest
 from vnav.core import se3
 from vnav.core.arrays import Array
 from vnav.core.camera import Intrinsics
+from vnav.core.descriptor_space import UNDESCRIBED
 from vnav.core.frame import Features, Frame, PoseEstimate
 from vnav.core.mapping import FrameFeatures
 from vnav.tracking.local_map import CELL_PX, MIN_COVISIBILITY, LocalMap, covisibility
@@ -18,7 +19,8 @@ GRID = np.array([[u, v] for u in range(24, 312, 12) for v in range(24, 232, 12)]
 def keyframe(row: int, px: Array = GRID) -> tuple[FrameFeatures, Frame]:
     """Features at these pixels of a wall two metres away."""
     none = np.zeros(len(px), np.float32)
-    features = Features(px.astype(np.float32), np.zeros((len(px), 0), np.uint8), none, none, none)
+    described = np.zeros((len(px), 0), np.uint8)
+    features = Features(px.astype(np.float32), described, none, none, none, UNDESCRIBED)
     points = CAMERA.unproject(px, np.full(len(px), DEPTH_M)).astype(np.float32)
     depth = np.full((240, 320), DEPTH_M, np.float32)
     frame = Frame(0, row, row / 30, np.zeros((240, 320, 3), np.uint8), depth, CAMERA)

@@ -41,13 +41,7 @@ def tracked(frames: list[Frame], camera: Intrinsics, features_of_4: int) -> Odom
 
 
 def first(features: Features, count: int) -> Features:
-    return Features(
-        features.keypoints_px[:count],
-        features.descriptors[:count],
-        features.scores[:count],
-        features.scales_px[:count],
-        features.angles_rad[:count],
-    )
+    return features[np.arange(count)]
 
 
 def squared_errors(result: Odometry, truth: np.ndarray, i: int, j: int) -> list[float]:

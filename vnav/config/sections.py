@@ -5,6 +5,7 @@ Ranges end where the code could do nothing with a value, or nothing a person cou
 
 from dataclasses import dataclass
 
+from vnav.config.registries import FRONT_ENDS, MASKS
 from vnav.config.setting import Section, choice, flag, number, section, whole
 from vnav.config.shipped import preset_cameras
 
@@ -62,10 +63,38 @@ class SiftConfig(Section, path="features.sift"):
 
 
 @dataclass(frozen=True)
+class OrbConfig(Section, path="features.orb"):
+    """The front-end ORB."""
+
+    levels: int = whole(
+        4,
+        "[1, 16]",
+        "levels",
+        "levels of the image pyramid; corners of coarser ones are less exact",
+    )
+    scale_factor: float = number(1.2, "[1.01, 2]", "ratio", "size of a level to that of the next")
+    threshold: int = whole(
+        20, "[1, 255]", "grey levels", "a corner is so much brighter or darker than its circle"
+    )
+    weak_threshold: int = whole(
+        7,
+        "[1, 255]",
+        "grey levels",
+        "threshold where a cell of 32 x 32 px has no corner otherwise",
+        rule="<= threshold",
+    )
+
+
+@dataclass(frozen=True)
 class FeaturesConfig(Section, path="features"):
     """Keypoints and descriptors."""
 
-    front_end: str = choice("sift", lambda: ("sift",), "what finds and describes features")
+    front_end: str = choice(
+        "sift",
+        lambda: tuple(FRONT_ENDS),
+        "what finds and describes features",
+        absent={"surf": "SURF is patented code, which OpenCV's wheels do not have"},
+    )
     max_features: int = whole(
         1500,
         "[1, 100000]",
@@ -73,6 +102,7 @@ class FeaturesConfig(Section, path="features"):
         "largest number of features of a frame; the strongest are kept",
     )
     sift: SiftConfig = section(SiftConfig)
+    orb: OrbConfig = section(OrbConfig)
 
 
 @dataclass(frozen=True)
@@ -158,7 +188,7 @@ class MaskingConfig(Section, path="masking"):
 
     method: str = choice(
         "motion",
-        lambda: ("none", "motion"),
+        lambda: tuple(MASKS),
         "what finds moving things; none: everything is taken to stand still",
     )
     warp: str = choice(

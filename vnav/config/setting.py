@@ -3,7 +3,7 @@
 import dataclasses
 import numbers
 import operator
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any, ClassVar, TypeVar
 
@@ -59,6 +59,7 @@ class Choice:
     """One of several values of a type; they are listed when they are asked for."""
 
     listed: Callable[[], tuple[Any, ...]]
+    absent: Mapping[str, str] = field(default_factory=dict)  # what people ask for, and why not
 
     @property
     def values(self) -> tuple[Any, ...]:
@@ -79,6 +80,10 @@ class Choice:
         *others, last = (plain(value) for value in self.values)
         return f"{', '.join(others)} or {last}" if others else last
 
+    def reason(self, value: Any) -> str:
+        """Why this value is not among them, where that is known."""
+        return f": {self.absent[value]}" if isinstance(value, str) and value in self.absent else ""
+
 
 @dataclass(frozen=True)
 class Setting:
@@ -95,7 +100,8 @@ class Setting:
         taken = self.allowed.taken(value)
         if taken is None:
             found = " ".join(repr(value).split())
-            raise ConfigError(f"expected {name} to be {self.allowed}, found {found}{where}")
+            reason = self.allowed.reason(value) if isinstance(self.allowed, Choice) else ""
+            raise ConfigError(f"expected {name} to be {self.allowed}, found {found}{where}{reason}")
         return taken
 
     @property
@@ -125,9 +131,15 @@ def flag(default: bool, meaning: str) -> bool:
     return field(default=default, metadata={"setting": setting})
 
 
-def choice(default: str, listed: Callable[[], tuple[str, ...]], meaning: str) -> str:
-    """Declare one of several words."""
-    setting = Setting(default, Choice(listed), "", meaning)
+def choice(
+    default: str,
+    listed: Callable[[], tuple[str, ...]],
+    meaning: str,
+    *,
+    absent: Mapping[str, str] | None = None,
+) -> str:
+    """Declare one of several words; ``absent``: others that are asked for, and why they are not."""
+    setting = Setting(default, Choice(listed, absent or {}), "", meaning)
     return field(default=default, metadata={"setting": setting})
 
 

@@ -1,12 +1,14 @@
 """Frames, their features, and the edges between them."""
 
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from vnav.core.arrays import frozen
 from vnav.core.camera import Intrinsics
+from vnav.core.descriptor_space import DescriptorSpace
 
 
 @dataclass(frozen=True)
@@ -53,20 +55,27 @@ def no_depth(height: int, width: int) -> NDArray[np.float32]:
 class Features:
     """N described keypoints; N = 0 is legal.
 
-    ``keypoints_px`` (N, 2) float32, ``descriptors`` (N, D) uint8, ``scores`` (N,) float32 response,
-    ``scales_px`` (N,) float32 diameter of the described patch, ``angles_rad`` (N,) float32.
+    ``keypoints_px`` (N, 2) float32, ``descriptors`` (N, D) as their ``space`` has them, ``scores``
+    (N,) float32 response, ``scales_px`` (N,) float32 diameter of the described patch,
+    ``angles_rad`` (N,) float32.
     """
 
     keypoints_px: NDArray[np.float32]
-    descriptors: NDArray[np.uint8]
+    descriptors: NDArray[Any]
     scores: NDArray[np.float32]
     scales_px: NDArray[np.float32]
     angles_rad: NDArray[np.float32]
+    space: DescriptorSpace
 
     def __post_init__(self) -> None:
         n = len(self.keypoints_px)
         object.__setattr__(self, "keypoints_px", frozen(self.keypoints_px, np.float32, (n, 2)))
-        object.__setattr__(self, "descriptors", frozen(self.descriptors, np.uint8, (n, None)))
+        if self.descriptors.dtype != self.space.dtype:
+            raise ValueError(
+                f"expected descriptors of {self.space}, found {self.descriptors.dtype}"
+            )
+        described = frozen(self.descriptors, self.space.dtype, (n, self.space.width))
+        object.__setattr__(self, "descriptors", described)
         for name in ("scores", "scales_px", "angles_rad"):
             object.__setattr__(self, name, frozen(getattr(self, name), np.float32, (n,)))
 
@@ -81,6 +90,7 @@ class Features:
             self.scores[selection],
             self.scales_px[selection],
             self.angles_rad[selection],
+            self.space,
         )
 
 

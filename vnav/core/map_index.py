@@ -2,9 +2,10 @@
 
 from dataclasses import dataclass, fields
 from functools import cached_property
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import DTypeLike, NDArray
 
 from vnav.core.arrays import frozen
 from vnav.core.voxels import Voxels
@@ -21,7 +22,8 @@ class MapIndex:
     retired
         (L,) bool: landmarks of what has departed, which have no descriptors.
     descriptors, owner
-        (D, 128) uint8 and (D,) int32: one mean descriptor per landmark and word, and its landmark.
+        (D, W), as the tree's space has them, and (D,) int32: one mean descriptor per landmark and
+        word, and its landmark.
     described_start, described
         (L + 1,) and (D,) int32: landmark l is described by the rows
         ``described[described_start[l]:described_start[l + 1]]`` of the descriptors.
@@ -53,7 +55,7 @@ class MapIndex:
     points_world: NDArray[np.float32]
     sigma_m: NDArray[np.float32]
     retired: NDArray[np.bool_]
-    descriptors: NDArray[np.uint8]
+    descriptors: NDArray[Any]
     owner: NDArray[np.int32]
     described_start: NDArray[np.int32]
     described: NDArray[np.int32]
@@ -75,11 +77,11 @@ class MapIndex:
     def __post_init__(self) -> None:
         landmarks, descriptors = len(self.points_world), len(self.descriptors)
         keyframes, seen = len(self.T_world_keyframe), len(self.seen_by)
-        shapes: dict[str, tuple[type, tuple[int | None, ...]]] = {
+        shapes: dict[str, tuple[DTypeLike, tuple[int | None, ...]]] = {
             "points_world": (np.float32, (landmarks, 3)),
             "sigma_m": (np.float32, (landmarks,)),
             "retired": (np.bool_, (landmarks,)),
-            "descriptors": (np.uint8, (descriptors, None)),
+            "descriptors": (self.descriptors.dtype, (descriptors, None)),
             "owner": (np.int32, (descriptors,)),
             "described_start": (np.int32, (landmarks + 1,)),
             "described": (np.int32, (descriptors,)),

@@ -7,7 +7,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from vnav.core.arrays import frozen
+from vnav.core.arrays import Floats, frozen
+from vnav.core.descriptor_space import DescriptorSpace
 
 CHUNK = 512  # descriptors quantised at once, so that their candidate centres stay in the cache
 
@@ -19,21 +20,24 @@ class VocabularyTree:
     Parameters
     ----------
     centres
-        (nodes, D) uint8; the root's means nothing.
+        (nodes, D) descriptors of the ``space``; the root's means nothing.
     first_child, children
         (nodes,) int32: number of the first child and how many; 0 children: a leaf.
     level
         (nodes,) int32, root = 0.
     """
 
-    centres: NDArray[np.uint8]
+    centres: NDArray[Any]
     first_child: NDArray[np.int32]
     children: NDArray[np.int32]
     level: NDArray[np.int32]
+    space: DescriptorSpace
 
     def __post_init__(self) -> None:
         n = len(self.centres)
-        object.__setattr__(self, "centres", frozen(self.centres, np.uint8, (n, None)))
+        object.__setattr__(
+            self, "centres", frozen(self.centres, self.space.dtype, (n, self.space.width))
+        )
         for name in ("first_child", "children", "level"):
             object.__setattr__(self, name, frozen(getattr(self, name), np.int32, (n,)))
 
@@ -52,11 +56,11 @@ class VocabularyTree:
         return min(max(level, 0), self.levels)
 
     @cached_property
-    def _float_centres(self) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-        centres = self.centres.astype(np.float32)
+    def _float_centres(self) -> tuple[Floats, Floats]:
+        centres = self.space.vectors(self.centres)
         return centres, np.einsum("ij,ij->i", centres, centres) / 2
 
-    def quantise(self, descriptors: NDArray[np.uint8]) -> NDArray[np.int32]:
+    def quantise(self, descriptors: NDArray[Any]) -> NDArray[np.int32]:
         """Nodes (N, levels + 1) on the way of descriptors (N, D) from the root to a leaf.
 
         A leaf above the deepest level repeats itself; no descriptors give no rows (claim 4, 2.2).
@@ -64,15 +68,15 @@ class VocabularyTree:
         paths = np.zeros((len(descriptors), self.levels + 1), np.int32)
         for start in range(0, len(paths), CHUNK):
             rows = slice(start, start + CHUNK)
-            self._descend(descriptors[rows].astype(np.float32), paths[rows])
+            self._descend(self.space.vectors(descriptors[rows]), paths[rows])
         return paths
 
     def _descend(
         self,
-        descriptors: NDArray[np.float32],
+        descriptors: Floats,
         paths: NDArray[np.int32],
     ) -> None:
-        """Fill the paths of one chunk, level by level; sums of products of bytes are exact."""
+        """Fill the paths of one chunk, level by level; sums over bytes and bits are exact."""
         centres, half_norm = self._float_centres
         slots = np.arange(self.children.max())
         for level in range(self.levels):

@@ -19,9 +19,9 @@ def global_descriptor(features: Features) -> NDArray[np.float32]:
     Two frames that show the same things have a large inner product (locality-sensitive hashing:
     Charikar 2002).
     """
-    planes = np.random.default_rng(0).standard_normal((features.descriptors.shape[1], BITS))
-    centred = features.descriptors.astype(np.float32)
-    centred -= centred.mean(1, keepdims=True)
+    vectors = features.space.vectors(features.descriptors)
+    planes = np.random.default_rng(0).standard_normal((vectors.shape[1], BITS))
+    centred = vectors - vectors.mean(1, keepdims=True)
     words = ((centred @ planes) > 0) @ (1 << np.arange(BITS))
     counts = np.sqrt(np.bincount(words, minlength=2**BITS)).astype(np.float32)
     return np.asarray(counts / max(float(np.linalg.norm(counts)), 1e-9))

@@ -1,5 +1,7 @@
 """Matching near a predicted place; compiled, since only few pairs are near each other."""
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -25,10 +27,10 @@ def match_guided(
     """
     rows: NDArray[np.int32] = _match_guided(
         np.ascontiguousarray(predicted_px, np.float64),
-        a.descriptors,
+        a.space.comparable(a.descriptors),
         b.keypoints_px,
-        b.descriptors,
-        np.array([radius_px, ratio**2, max_distance**2]),
+        b.space.comparable(b.descriptors),
+        np.array([radius_px, a.space.squared(ratio), a.space.squared(max_distance)]),
     )
     return rows
 
@@ -36,9 +38,9 @@ def match_guided(
 @compiled
 def _match_guided(
     predicted: NDArray[np.float64],
-    descriptors_a: NDArray[np.uint8],
+    descriptors_a: NDArray[Any],
     px_b: NDArray[np.float32],
-    descriptors_b: NDArray[np.uint8],
+    descriptors_b: NDArray[Any],
     limits: NDArray[np.float64],
 ) -> NDArray[np.int32]:
     radius, ratio_squared, most = limits
@@ -67,8 +69,8 @@ def _match_guided(
 
 @compiled
 def _two_nearest(
-    descriptor: NDArray[np.uint8],
-    described: NDArray[np.uint8],
+    descriptor: NDArray[Any],
+    described: NDArray[Any],
     px: NDArray[np.float64],
     heights: NDArray[np.float64],
     circle: tuple[float, float, float],

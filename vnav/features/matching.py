@@ -6,8 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vnav.config import RegistrationConfig
+from vnav.core.arrays import Floats, Rows
 from vnav.core.frame import Features
-from vnav.features.sift import ROOT_SCALE
 
 BLOCK = 256  # rows at once, so that their distances stay in the cache
 
@@ -28,7 +28,7 @@ class DescriptorMatcher:
         """Rows (M, 2) that pass the ratio test close to their predicted places (A, 2) in b."""
         from vnav.features.guided_matching import match_guided  # numba: only where it is used
 
-        limit = self._config.max_distance * ROOT_SCALE
+        limit = self._config.max_distance * a.space.typical
         return match_guided(a, b, predicted_px, radius_px, self._config.ratio, limit)
 
     def without_ratio(self) -> "DescriptorMatcher":
@@ -45,22 +45,21 @@ def match(a: Features, b: Features, ratio: float, mutual: bool = True) -> NDArra
     """
     if len(a) == 0 or len(b) < 2:
         return np.zeros((0, 2), np.int32)
-    fa, fb = a.descriptors.astype(np.float32), b.descriptors.astype(np.float32)
+    fa, fb = a.space.vectors(a.descriptors), b.space.vectors(b.descriptors)
+    ratio_squared = a.space.squared(ratio)
     nearest = np.empty(len(a), np.intp)
     keep = np.empty(len(a), bool)
     for start in range(0, len(a), BLOCK):
         block = slice(start, start + BLOCK)
         nearest[block], first, second = _two_nearest(fa[block], fb)
-        keep[block] = first < ratio**2 * second
+        keep[block] = first < ratio_squared * second
     rows = np.flatnonzero(keep)
     if mutual and len(rows):
         rows = rows[_gain(fb[nearest[rows]], fa).argmax(1) == rows]
     return np.stack([rows, nearest[rows]], 1).astype(np.int32)
 
 
-def _two_nearest(
-    fa: NDArray[np.float32], fb: NDArray[np.float32]
-) -> tuple[NDArray[np.intp], NDArray[np.float32], NDArray[np.float32]]:
+def _two_nearest(fa: Floats, fb: Floats) -> tuple[Rows, Floats, Floats]:
     """For each row of a the nearest of b, and the squared distances of the two nearest."""
     gain, rows = _gain(fa, fb), np.arange(len(fa))
     nearest = gain.argmax(1)
@@ -70,8 +69,8 @@ def _two_nearest(
     return nearest, length - 2 * first, length - 2 * gain.max(1)
 
 
-def _gain(fa: NDArray[np.float32], fb: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Largest where nearest: |a|^2 - 2 gain is the squared distance; exact for bytes."""
+def _gain(fa: Floats, fb: Floats) -> Floats:
+    """Largest where nearest: |a|^2 - 2 gain is the squared distance; exact for bytes and bits."""
     gain = fa @ fb.T
     gain -= np.einsum("ij,ij->i", fb, fb) / 2
     return gain

@@ -8,14 +8,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vnav.config import FeaturesConfig
+from vnav.core.descriptor_space import DescriptorSpace
 from vnav.core.frame import Features
 from vnav.errors import VnavError
 
 ROOT_SCALE = 512.0  # RootSIFT has unit length; this puts it on the range of plain SIFT's bytes
+SPACE = DescriptorSpace("sift", "uint8", 128, "l2", ROOT_SCALE)
 
 
 class Sift:
     """SIFT (Lowe 2004) as in claim 3, S2; RootSIFT (Arandjelovic, Zisserman 2012) by choice."""
+
+    space = SPACE
 
     def __init__(self, config: FeaturesConfig) -> None:
         self._config = config
@@ -86,4 +90,5 @@ def _features(keypoints: Any, descriptors: NDArray[np.float32]) -> Features:
         values[:, 2],
         values[:, 3],
         np.deg2rad(values[:, 4]),
+        SPACE,
     )

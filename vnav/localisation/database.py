@@ -25,7 +25,7 @@ class LandmarkDatabase:
     def inverted_file(self) -> InvertedFile:
         """The landmarks' descriptors and where the landmarks are."""
         i = self.index
-        return InvertedFile(i.descriptors, i.points_world[i.owner], SAME_POINT_M)
+        return InvertedFile(i.descriptors, i.points_world[i.owner], SAME_POINT_M, self.tree.space)
 
     @cached_property
     def reference_keyframe(self) -> NDArray[np.int32]:

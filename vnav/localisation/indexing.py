@@ -4,6 +4,7 @@ import os
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,6 +12,7 @@ from numpy.typing import NDArray
 from vnav.config import IndexConfig
 from vnav.core.arrays import Array, Floats
 from vnav.core.camera import Intrinsics
+from vnav.core.descriptor_space import DescriptorSpace
 from vnav.core.map_index import MapIndex, spans_of
 from vnav.core.mapping import FrameFeatures, Landmarks
 from vnav.core.tree import VocabularyTree
@@ -71,7 +73,7 @@ def build(
         solid_origin=voxels.origin,
         solid_m=np.array([voxels.edge_m]),
         distractor_distance=_distractor_distance(
-            means, landmarks.points_world[owner], reference[owner], covisible, rng
+            tree.space, means, landmarks.points_world[owner], reference[owner], covisible, rng
         ),
     )
 
@@ -81,9 +83,9 @@ def _described(
     retired: NDArray[np.bool_],
     keyframes: Sequence[MappedKeyframe],
     tree: VocabularyTree,
-) -> tuple[NDArray[np.uint8], NDArray[np.int32], Floats, NDArray[np.int32]]:
+) -> tuple[NDArray[Any], NDArray[np.int32], Floats, NDArray[np.int32]]:
     """Mean descriptors, their landmarks, patches and tree paths, in the order of the leaves."""
-    descriptors, patches = _observed(landmarks, keyframes)
+    descriptors, patches = _observed(landmarks, keyframes, tree.space)
     kept = ~retired[landmarks.landmark]
     of_kept = landmarks.landmark[kept], descriptors[kept], patches[kept]
     means, owner, patch_world = _means(*of_kept, tree)
@@ -93,10 +95,10 @@ def _described(
 
 
 def _observed(
-    landmarks: Landmarks, keyframes: Sequence[MappedKeyframe]
-) -> tuple[NDArray[np.uint8], Array]:
-    """Descriptors (M, 128) and patches (M, 3) in the world of every observation."""
-    descriptors = np.zeros((len(landmarks.landmark), 128), np.uint8)
+    landmarks: Landmarks, keyframes: Sequence[MappedKeyframe], space: DescriptorSpace
+) -> tuple[NDArray[Any], Array]:
+    """Descriptors (M, W) and patches (M, 3) in the world of every observation."""
+    descriptors = np.zeros((len(landmarks.landmark), space.width), space.dtype)
     patches = np.zeros((len(landmarks.landmark), 3))
     for k, mapped in enumerate(keyframes):
         rows = np.flatnonzero(landmarks.keyframe == k)
@@ -113,10 +115,10 @@ def _observed(
 
 def _means(
     landmark: NDArray[np.int32],
-    descriptors: NDArray[np.uint8],
+    descriptors: NDArray[Any],
     patches: Array,
     tree: VocabularyTree,
-) -> tuple[NDArray[np.uint8], NDArray[np.int32], Floats]:
+) -> tuple[NDArray[Any], NDArray[np.int32], Floats]:
     """One mean descriptor per landmark and word, its landmark, and its mean patch."""
     if not len(landmark):
         return descriptors, landmark, patches.astype(np.float32)
@@ -126,9 +128,9 @@ def _means(
     new = np.append(True, (np.diff(landmark) != 0) | (np.diff(word) != 0))
     first = np.flatnonzero(new)
     count = np.diff(np.append(first, len(order)))[:, None]
-    mean = np.add.reduceat(descriptors[order].astype(np.float32), first) / count
+    mean = np.add.reduceat(tree.space.vectors(descriptors[order]), first) / count
     patch = np.add.reduceat(patches[order], first) / count
-    return np.rint(mean).astype(np.uint8), landmark[first], patch.astype(np.float32)
+    return tree.space.nearest(mean), landmark[first], patch.astype(np.float32)
 
 
 def _starts(group: NDArray[np.int32], groups: int) -> NDArray[np.int32]:
@@ -168,7 +170,8 @@ def _neighbours(
 
 
 def _distractor_distance(
-    descriptors: NDArray[np.uint8],
+    space: DescriptorSpace,
+    descriptors: NDArray[Any],
     points: Floats,
     reference: NDArray[np.int32],
     covisible: NDArray[np.bool_],
@@ -180,7 +183,7 @@ def _distractor_distance(
     """
     count = min(SAMPLE, len(descriptors))
     sample = np.sort(rng.choice(len(descriptors), count, replace=False)) if count else np.arange(0)
-    values = descriptors.astype(np.float32)
+    values = space.vectors(descriptors)
     half_norm = np.einsum("ij,ij->i", values, values) / 2
     near_reference = covisible[reference]
 
@@ -189,7 +192,7 @@ def _distractor_distance(
         near = [np.abs(points[part, None, k] - points[:, k]) < SAME_POINT_M for k in range(3)]
         half[np.logical_and.reduce(near)] = np.inf
         half[~near_reference.take(reference[part], 1).T] = np.inf
-        return np.asarray(np.sqrt(2 * half.min(1, initial=np.inf)))
+        return space.distance(2 * half.min(1, initial=np.inf))
 
     with ThreadPoolExecutor(os.cpu_count()) as pool:
         found = np.concatenate(list(pool.map(nearest, np.array_split(sample, 1 + count // 100))))

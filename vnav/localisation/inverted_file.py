@@ -1,6 +1,7 @@
 """Nearest descriptors among those that share a word; compiled: only few pairs share one."""
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -8,50 +9,50 @@ from numpy.typing import NDArray
 from vnav.compiled import compiled
 from vnav.compiled.descriptors import squared_distance
 from vnav.core.arrays import Floats, Rows, frozen
+from vnav.core.descriptor_space import DescriptorSpace
 
 
 @dataclass(frozen=True)
 class InvertedFile:
-    """Descriptors (D, 128), bytes, in the order of the tree's leaves, and where each lies.
+    """Descriptors (D, W) of a space in the order of the tree's leaves, and where each lies.
 
     Two descriptors whose ``position`` (D, k) differs by less than ``same_within`` in every
     coordinate may be of the same point: one is no second-nearest of the other.
     """
 
-    descriptors: NDArray[np.uint8]
+    descriptors: NDArray[Any]
     position: Floats
     same_within: float
+    space: DescriptorSpace
 
     def __post_init__(self) -> None:
         n = len(self.descriptors)
-        object.__setattr__(self, "descriptors", frozen(self.descriptors, np.uint8, (n, None)))
+        object.__setattr__(
+            self, "descriptors", frozen(self.descriptors, self.space.dtype, (n, None))
+        )
         object.__setattr__(self, "position", frozen(self.position, np.float32, (n, None)))
 
 
 def nearest_distinct(
-    queries: NDArray[np.uint8], span: NDArray[np.int32], file: InvertedFile, count: int
+    queries: NDArray[Any], span: NDArray[np.int32], file: InvertedFile, count: int
 ) -> tuple[Rows, Floats]:
     """The ``count`` nearest rows of the file (Q, count) in each query's range, and distances.
 
-    ``queries`` (Q, 128), ``span`` (Q, 2), none empty. Each row lies elsewhere than the nearer ones;
+    ``queries`` (Q, W), ``span`` (Q, 2), none empty. Each row lies elsewhere than the nearer ones;
     where there are no more, the distance is inf. Linear search, as in claim 4, 2.4.
     """
+    queries, descriptors = map(file.space.comparable, (queries, file.descriptors))
     rows, squared = _nearest_distinct(
-        queries, span, file.descriptors, file.position, file.same_within, count
+        queries, span, descriptors, file.position, file.same_within, count
     )
-    return rows, np.sqrt(squared)
-
-
-def load_compiled() -> None:
-    """What the first call of anything compiled does: load numba's library, a third of a second."""
-    squared_distance(np.zeros(1, np.uint8), np.zeros(1, np.uint8))
+    return rows, file.space.distance(squared)
 
 
 @compiled
 def _nearest_distinct(
-    queries: NDArray[np.uint8],
+    queries: NDArray[Any],
     span: NDArray[np.int32],
-    descriptors: NDArray[np.uint8],
+    descriptors: NDArray[Any],
     position: Floats,
     same_within: float,
     count: int,

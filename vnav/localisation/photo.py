@@ -13,6 +13,7 @@ from vnav.core.camera import Intrinsics
 from vnav.core.frame import Features
 from vnav.core.map_index import spans_of
 from vnav.core.tree import VocabularyTree
+from vnav.errors import MapError
 from vnav.localisation.inverted_file import InvertedFile
 from vnav.localisation.view import CameraPrior
 
@@ -34,7 +35,8 @@ class Photo:
     @cached_property
     def inverted_file(self) -> InvertedFile:
         """The features, laid out for landmarks to be searched in them."""
-        return InvertedFile(self.features.descriptors, self.features.keypoints_px, SAME_KEYPOINT_PX)
+        f = self.features
+        return InvertedFile(f.descriptors, f.keypoints_px, SAME_KEYPOINT_PX, f.space)
 
     @property
     def intrinsics(self) -> Intrinsics:
@@ -90,7 +92,15 @@ class Buckets:
 def prepare(
     features: Features, intrinsics: Intrinsics, focal_sigma: float, tree: VocabularyTree
 ) -> Photo:
-    """Undistort, quantise and sort a photo's features (claim 4, 2.2)."""
+    """Undistort, quantise and sort a photo's features (claim 4, 2.2).
+
+    MapError where the map has features of another front-end.
+    """
+    if features.space != tree.space:
+        raise MapError(
+            f"expected the features of a photo to be those of the map, found {features.space};"
+            f" those of the map are {tree.space}"
+        )
     features, intrinsics = _undistorted(features, intrinsics)
     paths = tree.quantise(features.descriptors)
     order = np.lexsort(paths.T[::-1])

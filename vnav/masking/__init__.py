@@ -1,17 +1,13 @@
 """Masks of what moves: one protocol, a plain registry."""
 
-from collections.abc import Callable
-
 from vnav.config import Config
-from vnav.masking.motion import MotionMask
-from vnav.masking.nothing import NoMask
+from vnav.config.registries import MASKS, registered
 from vnav.masking.view import Mask, PosedView
 
-__all__ = ["METHODS", "Mask", "PosedView", "mask"]
-
-METHODS: dict[str, Callable[[Config], Mask]] = {"none": NoMask, "motion": MotionMask}
+__all__ = ["Mask", "PosedView", "mask"]
 
 
 def mask(config: Config) -> Mask:
     """The mask that the configuration names."""
-    return METHODS[config.masking.method](config)
+    made: Mask = registered(MASKS, config.masking.method)(config)
+    return made

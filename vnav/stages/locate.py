@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vnav.checking.quality import BLURRED, DARK, blur
+from vnav.compiled.descriptors import load_compiled
 from vnav.config import Config, FeaturesConfig, updated
 from vnav.core.camera import Intrinsics, PhotoCamera
 from vnav.core.frame import Features
@@ -33,7 +34,6 @@ from vnav.io.store.index_file import load_index
 from vnav.io.store.map_folder import MapFolder
 from vnav.io.store.tree_file import load_tree
 from vnav.localisation.database import LandmarkDatabase
-from vnav.localisation.inverted_file import load_compiled
 from vnav.localisation.localise import localise
 from vnav.localisation.photo import prepare
 from vnav.localisation.query import Query

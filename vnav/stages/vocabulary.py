@@ -6,7 +6,7 @@ from vnav import vocabulary
 from vnav.config import Config
 from vnav.core.progress import Progress, silent
 from vnav.core.report import Report
-from vnav.io.store.artifacts import load_odometry
+from vnav.io.store.artifacts import load_descriptor_space, load_odometry
 from vnav.io.store.map_folder import MapFolder
 from vnav.io.store.stage_reports import clock, finished, reused, settings_of
 from vnav.io.store.tree_file import write_tree
@@ -25,12 +25,12 @@ def run(folder: MapFolder, config: Config, *, progress: Progress = silent) -> Re
     settings, inputs = settings_of(config, STAGE), folder.inputs_of("odometry")
     if folder.is_current(STAGE, settings, inputs):
         return reused(folder, STAGE)
-    keyframes = load_odometry(folder).keyframes
+    keyframes, space = load_odometry(folder).keyframes, load_descriptor_space(folder)
     with_depth = [k.features.descriptors[k.has_depth] for k in keyframes]
-    descriptors = np.concatenate([np.zeros((0, 128), np.uint8), *with_depth])
+    descriptors = np.concatenate([space.none(), *with_depth])
 
     progress(STAGE, 0, 1)
-    tree = vocabulary.train(descriptors, config.vocabulary, config.seed)
+    tree = vocabulary.train(descriptors, space, config.vocabulary, config.seed)
     progress(STAGE, 1, 1)
 
     with folder.writing(STAGE, settings, inputs) as draft:

@@ -7,6 +7,7 @@ from vnav.config import Config
 from vnav.core import se3
 from vnav.core.arrays import Array
 from vnav.core.camera import Intrinsics
+from vnav.core.descriptor_space import UNDESCRIBED
 from vnav.core.frame import Edge, Features, Frame, PoseEstimate
 from vnav.core.mapping import FrameFeatures
 from vnav.features.lifting import lift
@@ -97,5 +98,6 @@ def _found(points: VisiblePoints, grey: Array, camera: Intrinsics) -> VisiblePoi
 def _undescribed(row: int, px: Array, points_camera: Array | NDArray[np.float32]) -> FrameFeatures:
     """Pixels (N, 2) with their 3D points (N, 3), which are matched already."""
     none, count = np.zeros(len(px), np.float32), len(px)
-    features = Features(px.astype(np.float32), np.zeros((count, 0), np.uint8), none, none, none)
+    described = np.zeros((count, 0), np.uint8)
+    features = Features(px.astype(np.float32), described, none, none, none, UNDESCRIBED)
     return FrameFeatures(row, features, points_camera.astype(np.float32))

@@ -22,6 +22,7 @@ from vnav.core.mapping import (
     World,
 )
 from vnav.errors import MapError, StaleArtifact
+from vnav.features.sift import SPACE
 from vnav.io.formats.grid_files import write_grid, write_walked
 from vnav.io.store import artifacts
 from vnav.io.store.map_folder import MapFolder
@@ -43,10 +44,11 @@ def saved(folder: MapFolder, stage: str, save: Callable[[Path], None]) -> MapFol
 def keyframe(row: int, count: int) -> FrameFeatures:
     features = Features(
         RNG.uniform(0, 99, (count, 2)),
-        RNG.integers(0, 256, (count, 128)),
+        RNG.integers(0, 256, (count, 128)).astype(np.uint8),
         RNG.random(count),
         RNG.random(count),
         RNG.random(count),
+        SPACE,
     )
     points = RNG.random((count, 3)).astype(np.float32)
     points[::3] = np.nan

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vnav.core.camera import Intrinsics
+from vnav.core.descriptor_space import DescriptorSpace
 from vnav.core.frame import Edge, Features, Frame
 from vnav.core.grid import FREE, UNKNOWN, WALKED, Grid
 from vnav.core.mapping import (
@@ -71,6 +72,8 @@ def save_odometry(draft: Path, odometry: Odometry) -> None:
         moving_share=odometry.moving_share,
         **({} if before is None else {"T_world_before": before}),
     )
+    space = odometry.keyframes[0].features.space
+    write_text(draft / "descriptor_space.json", to_json(vars(space)))
     write_text(draft / "lost.json", to_json({r: t for r, t in enumerate(odometry.reasons) if t}))
     save_arrays(draft / "edges.npz", **edges_to_arrays(odometry.edges))
     save_arrays(draft / "degenerate_edges.npz", **edges_to_arrays(odometry.degenerate_edges))
@@ -88,13 +91,18 @@ def load_odometry(folder: MapFolder) -> Odometry:
         frames["segment"],
         tuple(lost.get(str(row), "") for row in range(len(frames["index"]))),
         edges_from_arrays(_load(folder, "odometry", "edges", N=rows)),
-        _keyframes_from_arrays(_load(folder, "odometry", "keyframes", N=rows)),
+        _load_keyframes(folder, rows),
         bool(frames.get("given", False)),
         frames.get("T_world_before"),
         edges_from_arrays(_load(folder, "odometry", "degenerate_edges", N=rows)),
         edges_from_arrays(_load(folder, "odometry", "alternatives", N=rows)),
         frames["moving_share"],
     )
+
+
+def load_descriptor_space(folder: MapFolder) -> DescriptorSpace:
+    """What the descriptors of the map's features are."""
+    return _load_json(folder, "odometry", "descriptor_space", DescriptorSpace)
 
 
 def save_keyframe(draft: Path, row: int, frame: Frame) -> None:
@@ -276,6 +284,7 @@ def _keyframes_to_arrays(keyframes: Iterable[FrameFeatures]) -> Arrays:
     arrays = {
         name: np.concatenate([getattr(k.features, name) for k in keyframes]) for name in fields
     }
+    arrays["descriptors"] = arrays["descriptors"].view(np.uint8)
     return arrays | {
         "row": np.array([k.row for k in keyframes], np.int32),
         "count": np.array([len(k.features) for k in keyframes], np.int32),
@@ -283,12 +292,16 @@ def _keyframes_to_arrays(keyframes: Iterable[FrameFeatures]) -> Arrays:
     }
 
 
-def _keyframes_from_arrays(arrays: Arrays) -> tuple[FrameFeatures, ...]:
+def _load_keyframes(folder: MapFolder, frames: int) -> tuple[FrameFeatures, ...]:
+    space = load_descriptor_space(folder)
+    arrays = _load(folder, "odometry", "keyframes", N=frames, W=space.size)
+    arrays["descriptors"] = arrays["descriptors"].view(space.dtype)
     ends = np.cumsum(arrays["count"])
     fields = ("keypoints_px", "descriptors", "scores", "scales_px", "angles_rad")
     keyframes = []
     for row, begin, end in zip(arrays["row"], ends - arrays["count"], ends, strict=True):
-        features = Features(*(arrays[name][begin:end] for name in fields))
+        columns = {name: arrays[name][begin:end] for name in fields}
+        features = Features(**columns, space=space)
         keyframes.append(FrameFeatures(int(row), features, arrays["points_camera"][begin:end]))
     return tuple(keyframes)
 

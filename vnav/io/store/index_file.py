@@ -2,6 +2,8 @@
 
 from pathlib import Path
 
+import numpy as np
+
 from vnav.core.map_index import MapIndex
 from vnav.core.tree import VocabularyTree
 from vnav.io.formats.arrays_file import save_arrays
@@ -11,7 +13,8 @@ from vnav.io.store.schemas import load_table
 
 def write_index(draft: Path, index: MapIndex) -> None:
     """Write the index into the draft of its stage."""
-    save_arrays(draft / "index.npz", **{name: getattr(index, name) for name in MapIndex.names()})
+    arrays = {name: getattr(index, name) for name in MapIndex.names()}
+    save_arrays(draft / "index.npz", **arrays | {"descriptors": index.descriptors.view(np.uint8)})
 
 
 def load_index(folder: MapFolder, tree: VocabularyTree) -> MapIndex:
@@ -20,4 +23,7 @@ def load_index(folder: MapFolder, tree: VocabularyTree) -> MapIndex:
     StaleArtifact where it was not made, MapError where it is damaged.
     """
     mend = f"run 'vnav index --map {folder.root}' again"
-    return MapIndex(**load_table(folder, "index", "index", mend, {"T": len(tree.centres)}))
+    sizes = {"T": len(tree.centres), "W": tree.space.size}
+    arrays = load_table(folder, "index", "index", mend, sizes)
+    described = arrays["descriptors"].view(tree.space.dtype)
+    return MapIndex(**arrays | {"descriptors": described})

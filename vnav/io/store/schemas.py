@@ -155,7 +155,7 @@ SCHEMAS = {
             "row": Column("whole", ("K",), 0, "N"),
             "count": Column("whole", ("K",), 0),
             "keypoints_px": Column("real", ("F", 2)),
-            "descriptors": Column("byte", ("F", None)),
+            "descriptors": Column("byte", ("F", "W")),
             "scores": Column("real", ("F",)),
             "scales_px": Column("real", ("F",), 0),
             "angles_rad": Column("real", ("F",)),
@@ -170,7 +170,7 @@ SCHEMAS = {
     ),
     "vocabulary/tree": Schema(
         {
-            "centres": Column("byte", ("T", None)),
+            "centres": Column("byte", ("T", "W")),
             "first_child": Column("whole", ("T",), 0),
             "children": Column("whole", ("T",), 0),
             "level": Column("whole", ("T",), 0),
@@ -199,7 +199,7 @@ SCHEMAS = {
             "points_world": Column("real", ("L", 3)),
             "sigma_m": Column("real", ("L",), 0, gaps=True),
             "retired": Column("flag", ("L",)),
-            "descriptors": Column("byte", ("D", None)),
+            "descriptors": Column("byte", ("D", "W")),
             "owner": Column("whole", ("D",), 0, "L"),
             "described_start": Column("whole", (None,), 0),
             "described": Column("whole", ("D",), 0, "D"),

@@ -2,18 +2,22 @@
 
 from pathlib import Path
 
+import numpy as np
+
 from vnav.core.tree import VocabularyTree
 from vnav.io.formats.arrays_file import save_arrays
+from vnav.io.store.artifacts import load_descriptor_space
 from vnav.io.store.map_folder import MapFolder
 from vnav.io.store.schemas import load_table
 
 
 def write_tree(draft: Path, tree: VocabularyTree) -> None:
     """Write the tree into the draft of its stage."""
-    save_arrays(draft / "tree.npz", **tree.to_arrays())
+    save_arrays(draft / "tree.npz", **tree.to_arrays() | {"centres": tree.centres.view(np.uint8)})
 
 
 def load_tree(folder: MapFolder) -> VocabularyTree:
     """The map's tree; StaleArtifact where it was not made, MapError where it is damaged."""
-    mend = f"run 'vnav vocabulary --map {folder.root}' again"
-    return VocabularyTree(**load_table(folder, "vocabulary", "tree", mend, {}))
+    mend, space = f"run 'vnav vocabulary --map {folder.root}' again", load_descriptor_space(folder)
+    arrays = load_table(folder, "vocabulary", "tree", mend, {"W": space.size})
+    return VocabularyTree(**arrays | {"centres": arrays["centres"].view(space.dtype)}, space=space)

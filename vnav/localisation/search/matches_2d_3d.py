@@ -13,6 +13,7 @@ from vnav.localisation.matches import Matches, no_matches
 from vnav.localisation.query import Query
 from vnav.localisation.search.covisibility import keyframe_votes
 
+SMALLEST = 2.0**-9  # of the typical distance: a second-nearest that is no nearer
 BATCH = 1000  # features, or descriptors of landmarks, searched at once
 
 
@@ -56,8 +57,9 @@ def bounded(second: Floats, database: LandmarkDatabase) -> Floats:
     A word may hide the second-nearest, and of a sole candidate it always does: it is never taken
     to be farther than where the map's landmarks typically have a distractor.
     """
+    least = SMALLEST * database.tree.space.typical
     return np.asarray(
-        np.maximum(np.minimum(second, database.index.distractor_distance), 1), np.float32
+        np.maximum(np.minimum(second, database.index.distractor_distance), least), np.float32
     )
 
 

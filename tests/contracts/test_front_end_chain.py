@@ -1,0 +1,58 @@
+"""The whole chain with front-ends whose descriptors are unlike SIFT's bytes."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+import vnav
+from vnav.config import FeaturesConfig
+from vnav.config.registries import FRONT_ENDS
+from vnav.core.descriptor_space import DescriptorSpace
+from vnav.core.frame import Features
+from vnav.features.sift import ROOT_SCALE, Sift
+from vnav.io.formats.trajectories import read_photo_poses
+
+OFF_M = 0.05  # of a pose: many times the noise of features in images of 320 x 240
+
+
+class Floats:
+    """64 floats, made of SIFT's 128 bytes: registered here, and known nowhere else."""
+
+    space = DescriptorSpace("floats", "float32", 64, "l2", 1.0)
+
+    def __init__(self, config: FeaturesConfig) -> None:
+        self._sift = Sift(config)
+
+    def extract(self, color: NDArray[np.uint8]) -> Features:
+        found = self._sift.extract(color)
+        pairs = found.descriptors.reshape(-1, 64, 2).astype(np.float32)
+        halved = np.linalg.norm(pairs, axis=2) / np.float32(ROOT_SCALE)
+        places = found.keypoints_px, halved, found.scores, found.scales_px, found.angles_rad
+        return Features(*places, self.space)
+
+
+@pytest.fixture(params=["floats", "orb"])
+def front_end(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> str:
+    monkeypatch.setitem(FRONT_ENDS, "floats", f"{__name__}:Floats")
+    return str(request.param)
+
+
+def test_a_map_is_built_a_photo_located_and_a_path_planned(
+    front_end: str, tiny_capture: Path, tmp_path: Path
+) -> None:
+    config = vnav.load_config(None, [f"features.front_end={front_end}"])
+    made = vnav.build_map(tiny_capture, tmp_path / "map", config=config)
+    off = vnav.score(made.trajectory(), tiny_capture / "groundtruth.txt")
+    assert off.pairs == 60
+    assert off.ate.translation_m.rmse < OFF_M
+
+    answers = made.locate_all(sorted((tiny_capture / "photos").glob("*.jpg")))
+    located = [answer for answer in answers if answer.located]
+    assert len(located) >= 2
+    truth = read_photo_poses(tiny_capture / "photos" / "groundtruth.txt")
+    for answer in located:
+        wanted = off.ate.T_truth_world @ answer.T_world_camera
+        assert np.linalg.norm((wanted - truth[answer.path.name])[:3, 3]) < OFF_M
+    assert made.plan(*located[:2]).plan.length_m > 0

@@ -1,0 +1,24 @@
+"""What settings may name: each name, and where the class stands that it makes.
+
+A registry is a plain dict. Whoever adds an entry has added a choice; nothing else lists them.
+"""
+
+from importlib import import_module
+from typing import Any
+
+Registry = dict[str, str]
+
+FRONT_ENDS: Registry = {
+    "sift": "vnav.features.sift:Sift",
+    "orb": "vnav.features.orb:Orb",
+}
+MASKS: Registry = {
+    "none": "vnav.masking.nothing:NoMask",
+    "motion": "vnav.masking.motion:MotionMask",
+}
+
+
+def registered(registry: Registry, name: str) -> Any:
+    """The class that a name of a registry stands for."""
+    module, _, attribute = registry[name].partition(":")
+    return getattr(import_module(module), attribute)
