@@ -11,6 +11,11 @@ from vnav.optimisation.floor import find_floor
 from vnav.optimisation.solution import Solution
 from vnav.optimisation.surface import Surface
 
+UPRIGHT = 0.2  # cosine between up and the normal of a wall, at most
+LINE_M, BIN_M = 0.02, 0.005  # standard deviation of a wall about its line; edge of a bin
+SPREAD = np.exp(-((np.arange(-12, 13) * BIN_M / LINE_M) ** 2) / 2)
+TURNS_DEG = ((4.0, 0.2), (0.3, 0.02))  # that are tried: as far, in such steps; coarse, fine
+
 
 def place_in_world(
     solution: Solution, odometry: Odometry, surface: Surface, rng: np.random.Generator
@@ -112,11 +117,35 @@ def _upright_frame(up: Array, height: float, surface: Surface, T_any_camera: Arr
     x = forward - (forward @ up) * up
     x /= np.linalg.norm(x)
     y = np.cross(up, x)
-    wall = np.abs(surface.normals @ up) < 0.2
-    phase = np.exp(4j * np.arctan2(surface.normals[wall] @ y, surface.normals[wall] @ x)).sum()
-    turn = np.angle(phase) / 4 if abs(phase) > 0 else 0.0
+    wall = np.abs(surface.normals @ up) < UPRIGHT
+    across = np.stack([x, y], 1)
+    turn = _walls_turn(surface.points[wall] @ across, surface.normals[wall] @ across)
     x = np.cos(turn) * x + np.sin(turn) * y
     R = np.stack([x, np.cross(up, x), up])
     origin = T_any_camera[0, :3, 3]
     foot = origin - (origin @ up - height) * up
     return se3.make(R, -R @ foot)
+
+
+def _walls_turn(points: Array, normals: Array) -> float:
+    """Angle from the first axis to the walls, in radians, of their points and normals (N, 2).
+
+    It is where points lie on the fewest lines along either axis, near to the mean of the normals,
+    which furniture and the noise of depth turn by half a degree. 0 of nothing.
+    """
+    phase = np.exp(4j * np.arctan2(normals[:, 1], normals[:, 0])).sum()
+    if abs(phase) == 0:
+        return 0.0
+    best = float(np.angle(phase)) / 4
+    for reach, step in np.deg2rad(TURNS_DEG):
+        turns = best + np.arange(-reach, reach + step / 2, step)
+        best = max(turns.tolist(), key=lambda turn: _sharpness(points, turn))
+    return best
+
+
+def _sharpness(points: Array, turn: float) -> float:
+    """How densely points (N, 2) lie on lines along two axes that are turned by so much."""
+    x = np.array([np.cos(turn), np.sin(turn)])
+    offsets = (points @ x, points @ (-x[1], x[0]))
+    bins = [((offset - offset.min()) / BIN_M).astype(np.intp) for offset in offsets]
+    return float(sum((np.convolve(np.bincount(b), SPREAD) ** 2).sum() for b in bins))
