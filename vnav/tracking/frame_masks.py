@@ -149,6 +149,7 @@ class FrameMasks:
         if is_asked or self._moved_s >= seen.stamp_s - self._config.window_s:
             known = self._masked(seen, self._last_known)
             self._note(known)
+            self._views.replace(known.masked)
         self._known.append((seen, known))
         self._last_known = known
 

@@ -1,0 +1,52 @@
+"""Masks of frames in the order of time: by which masks of other frames one is made."""
+
+from collections.abc import Sequence
+
+import numpy as np
+import pytest
+
+from tests.masking.moving_box import all_masks, walk
+from vnav.config import Config, load
+from vnav.core.arrays import Floats
+from vnav.masking.nothing import NoMask
+from vnav.masking.view import MaskedView, PosedView, still
+from vnav.tracking import frame_masks
+
+SECONDS = 3.0
+
+
+class Hindsight(NoMask):
+    """Sees half of a view move as soon as it has later ones; notes who bears out what is carried.
+
+    ``witnesses``: for each view, by its time, those of one call after another.
+    """
+
+    witnesses: dict[float, list[list[MaskedView]]]
+
+    def moving(self, view: PosedView, others: Sequence[PosedView], _carried: Floats) -> Floats:
+        moved_s = still(view)
+        if any(other.stamp_s > view.stamp_s for other in others):
+            moved_s[:, : moved_s.shape[1] // 2] = 0
+        return moved_s
+
+    def carried(
+        self, view: PosedView, _beside: MaskedView, witnesses: Sequence[MaskedView]
+    ) -> Floats:
+        self.witnesses.setdefault(view.stamp_s, []).append(list(witnesses))
+        return still(view)
+
+
+def test_a_second_look_believes_the_second_looks_before_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    witnesses: dict[float, list[list[MaskedView]]] = {}
+
+    def hindsight(config: Config) -> Hindsight:
+        mask = Hindsight(config)
+        mask.witnesses = witnesses
+        return mask
+
+    monkeypatch.setattr(frame_masks, "mask", hindsight)
+    all_masks(walk(SECONDS, None), load(settings=["masking.window_s=0.5"]))
+    not_the_last = [calls for stamp_s, calls in witnesses.items() if stamp_s < SECONDS - 0.5]
+    second_looks = [calls[1] for calls in not_the_last if calls[1:] and calls[1]]
+    assert len(second_looks) > 10
+    assert all(np.isfinite(w.moved_s).any() for views in second_looks for w in views)
