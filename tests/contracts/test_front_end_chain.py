@@ -14,7 +14,8 @@ from vnav.core.frame import Features
 from vnav.features.sift import ROOT_SCALE, Sift
 from vnav.io.formats.trajectories import read_photo_poses
 
-OFF_M = 0.05  # of a pose: many times the noise of features in images of 320 x 240
+ATE_M = 0.02
+OFF_M = 0.10  # of a photo: corners known to a pixel or two of 320, seen from a few metres
 
 
 class Floats:
@@ -33,7 +34,7 @@ class Floats:
         return Features(*places, self.space)
 
 
-@pytest.fixture(params=["floats", "orb"])
+@pytest.fixture(params=["floats", *sorted(FRONT_ENDS.keys() - {"sift"})])
 def front_end(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> str:
     monkeypatch.setitem(FRONT_ENDS, "floats", f"{__name__}:Floats")
     return str(request.param)
@@ -46,7 +47,7 @@ def test_a_map_is_built_a_photo_located_and_a_path_planned(
     made = vnav.build_map(tiny_capture, tmp_path / "map", config=config)
     off = vnav.score(made.trajectory(), tiny_capture / "groundtruth.txt")
     assert off.pairs == 60
-    assert off.ate.translation_m.rmse < OFF_M
+    assert off.ate.translation_m.rmse < ATE_M
 
     answers = made.locate_all(sorted((tiny_capture / "photos").glob("*.jpg")))
     located = [answer for answer in answers if answer.located]

@@ -87,14 +87,18 @@ def test_features_move_with_the_image(detector: FrontEnd) -> None:
 
 def test_features_are_known_again_in_a_turned_and_darker_image(detector: FrontEnd) -> None:
     image = textured()
-    turn = cv2.getRotationMatrix2D((WIDTH / 2, HEIGHT / 2), 30, 0.9)
+    angle = 30 if detector.space.has_angles else 3
+    turn = cv2.getRotationMatrix2D(
+        (WIDTH / 2, HEIGHT / 2), angle, 0.9 if detector.space.has_scales else 1.0
+    )
     turned = cv2.warpAffine(image, turn, (WIDTH, HEIGHT), flags=cv2.INTER_AREA) * 0.8
     a, b = detector.extract(image), detector.extract(turned.astype(np.uint8))
     pairs = match(a, b, 0.8)
     expected = a.keypoints_px[pairs[:, 0]] @ turn[:, :2].T + turn[:, 2]
     off = np.linalg.norm(expected - b.keypoints_px[pairs[:, 1]], axis=1)
     assert len(pairs) > 30
-    assert (off < 1.5).mean() > 0.8
+    # A corner of unknown scale may lie anywhere on its circle, of 3 px.
+    assert (off < (1.5 if detector.space.has_scales else 3.0)).mean() > 0.8
 
 
 def test_descriptors_are_those_of_the_space_that_has_the_front_ends_name(

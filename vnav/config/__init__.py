@@ -2,8 +2,10 @@
 
 from vnav.config.loading import SETTINGS, load, preset_cameras, presets, updated
 from vnav.config.sections import (
+    BriskConfig,
     CaptureConfig,
     Config,
+    FastConfig,
     FeaturesConfig,
     FuseConfig,
     IndexConfig,
@@ -21,8 +23,10 @@ from vnav.config.sections import (
 
 __all__ = [
     "SETTINGS",
+    "BriskConfig",
     "CaptureConfig",
     "Config",
+    "FastConfig",
     "FeaturesConfig",
     "FuseConfig",
     "IndexConfig",

@@ -11,6 +11,8 @@ Registry = dict[str, str]
 FRONT_ENDS: Registry = {
     "sift": "vnav.features.sift:Sift",
     "orb": "vnav.features.orb:Orb",
+    "brisk": "vnav.features.brisk:Brisk",
+    "fast": "vnav.features.fast:Fast",
 }
 MASKS: Registry = {
     "none": "vnav.masking.nothing:NoMask",

@@ -86,6 +86,35 @@ class OrbConfig(Section, path="features.orb"):
 
 
 @dataclass(frozen=True)
+class BriskConfig(Section, path="features.brisk"):
+    """The front-end BRISK."""
+
+    threshold: int = whole(
+        20, "[1, 255]", "grey levels", "a corner is so much brighter or darker than its circle"
+    )
+    octaves: int = whole(3, "[0, 8]", "octaves", "octaves of the scale space")
+
+
+@dataclass(frozen=True)
+class FastConfig(Section, path="features.fast"):
+    """The front-end of improved FAST corners."""
+
+    threshold: int = whole(
+        20, "[1, 255]", "grey levels", "a corner is so much brighter or darker than its circle"
+    )
+    arc: int = whole(
+        9, "[9, 12]", "px", "pixels side by side on the circle of 16 that make a corner"
+    )
+    edge_limit: int = whole(
+        10,
+        "[0, 16]",
+        "px",
+        "a corner with more pixels on its circle that look like both neighbours is on an edge;"
+        " 16: none is",
+    )
+
+
+@dataclass(frozen=True)
 class FeaturesConfig(Section, path="features"):
     """Keypoints and descriptors."""
 
@@ -103,6 +132,8 @@ class FeaturesConfig(Section, path="features"):
     )
     sift: SiftConfig = section(SiftConfig)
     orb: OrbConfig = section(OrbConfig)
+    brisk: BriskConfig = section(BriskConfig)
+    fast: FastConfig = section(FastConfig)
 
 
 @dataclass(frozen=True)

@@ -15,6 +15,14 @@ from vnav.config import FeaturesConfig
 from vnav.core.arrays import Array, Rows
 from vnav.core.descriptor_space import DescriptorSpace
 from vnav.core.frame import Features
+from vnav.features.keypoints import (
+    LEVEL,
+    RESPONSE,
+    features_of,
+    keypoints_of,
+    strongest_first,
+    table_of,
+)
 from vnav.features.spread import spread
 
 PATCH_PX = 31  # edge of the described patch, at the pyramid's first level
@@ -35,17 +43,16 @@ class Orb:
     def extract(self, color: NDArray[np.uint8]) -> Features:
         """Features of an RGB image (H, W, 3), strongest first."""
         gray = cv2.cvtColor(color, cv2.COLOR_RGB2GRAY)
-        keypoints = self._detector.detect(gray, None)
-        found = _table(keypoints)
-        found = found[self._strong_enough(found)]
-        kept = found[self._spread(found, (gray.shape[1], gray.shape[0]))]
-        keypoints, descriptors = self._detector.compute(gray, _keypoints(kept))
-        if descriptors is None:
-            return _features(np.zeros((0, 6)), SPACE.none())
-        described = _table(keypoints)
-        order = np.lexsort((*described[:, :4].T, -described[:, 4]))
         size = gray.shape[1], gray.shape[0]
-        return _features(self._centred(described[order], size), descriptors[order])
+        found = table_of(self._detector.detect(gray, None))
+        found = found[self._strong_enough(found)]
+        kept = found[self._spread(found, size)]
+        keypoints, descriptors = self._detector.compute(gray, keypoints_of(kept))
+        if descriptors is None:
+            return features_of(np.zeros((0, 6)), SPACE.none(), SPACE)
+        described = table_of(keypoints)
+        order = strongest_first(described)
+        return features_of(self._centred(described[order], size), descriptors[order], SPACE)
 
     @property
     def _detector(self) -> Any:
@@ -64,54 +71,27 @@ class Orb:
 
     def _strong_enough(self, found: Array) -> NDArray[np.bool_]:
         """Which corners (N,) are strong, or the best that their cell has [004 section 2.1]."""
-        strong = found[:, 4] >= self._config.orb.threshold
+        strong = found[:, RESPONSE] >= self._config.orb.threshold
         cells = (found[:, :2] // CELL_PX).astype(int)
         cell = cells[:, 1] * (1 + cells[:, 0].max(initial=0)) + cells[:, 0]
         return np.asarray(strong | ~np.isin(cell, cell[strong]))
+
+    def _spread(self, found: Array, size: tuple[int, int]) -> Rows:
+        """Rows that are kept, of each level its share: the finer a level, the more."""
+        shares = self._config.orb.scale_factor ** -np.arange(self._config.orb.levels)
+        counts = np.rint(self._config.max_features * shares / shares.sum()).astype(int)
+        kept = [np.zeros(0, np.intp)]
+        for level, count in enumerate(counts):
+            rows = np.flatnonzero(found[:, LEVEL] == level)
+            kept.append(rows[spread(found[rows, :2], found[rows, RESPONSE], size, count)])
+        return np.concatenate(kept)
 
     def _centred(self, described: Array, size: tuple[int, int]) -> Array:
         """The table with keypoints where a pixel of their level has its centre.
 
         OpenCV takes its corner, and does not allow for levels of whole pixels.
         """
-        scale = self._config.orb.scale_factor ** described[:, 2:3]
+        scale = self._config.orb.scale_factor ** described[:, LEVEL, None]
         level_pixel = described[:, :2] / scale
         px = (level_pixel + 0.5) * size / np.rint(size / scale) - 0.5
         return np.hstack([px, described[:, 2:]])
-
-    def _spread(self, found: Array, size: tuple[int, int]) -> Rows:
-        """Rows that are kept, of each level its share: the finer a level, the more."""
-        levels = found[:, 2]
-        shares = self._config.orb.scale_factor ** -np.arange(self._config.orb.levels)
-        counts = np.rint(self._config.max_features * shares / shares.sum()).astype(int)
-        kept = [np.zeros(0, np.intp)]
-        for level, count in enumerate(counts):
-            rows = np.flatnonzero(levels == level)
-            px, response = found[rows, :2].astype(np.float32), found[rows, 4].astype(np.float32)
-            kept.append(rows[spread(px, response, size, count)])
-        return np.concatenate(kept)
-
-
-def _table(keypoints: Any) -> Array:
-    """x, y, level, angle in degrees, response and size of each keypoint (N, 6)."""
-    rows = [(*k.pt, k.octave, k.angle, k.response, k.size) for k in keypoints]
-    return np.array(rows, float).reshape(-1, 6)
-
-
-def _keypoints(table: Array) -> list[Any]:
-    return [
-        cv2.KeyPoint(x, y, size, angle, response, int(level))
-        for x, y, level, angle, response, size in table.tolist()
-    ]
-
-
-def _features(table: Array, descriptors: NDArray[np.uint8]) -> Features:
-    columns = table.reshape(-1, 6).astype(np.float32)
-    return Features(
-        columns[:, :2],
-        descriptors,
-        columns[:, 4],
-        columns[:, 5],
-        np.deg2rad(columns[:, 3]),
-        SPACE,
-    )

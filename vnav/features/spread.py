@@ -13,7 +13,9 @@ from vnav.core.arrays import Array, Floats, Rows
 DEPTH = 12  # levels of the tree
 
 
-def spread(px: Floats, responses: Floats, size: tuple[int, int], count: int) -> Rows:
+def spread(
+    px: Array | Floats, responses: Array | Floats, size: tuple[int, int], count: int
+) -> Rows:
     """Rows of at most ``count`` keypoints (N, 2), the strongest of each leaf, strongest first.
 
     Nodes are split, the fullest first, until there are ``count`` leaves or each holds one
@@ -24,7 +26,7 @@ def spread(px: Floats, responses: Floats, size: tuple[int, int], count: int) -> 
     codes = _codes(px.astype(np.float64), float(max(size)))
     order = np.lexsort((px[:, 0], px[:, 1], -responses, codes))
     leaves = _leaves(codes[order], count)
-    kept = order[_strongest(responses[order], leaves)]
+    kept = order[_strongest(responses[order].astype(np.float64), leaves)]
     return kept[np.lexsort((px[kept, 0], px[kept, 1], -responses[kept]))][:count]
 
 
@@ -61,7 +63,7 @@ def _leaves(codes: NDArray[np.int64], count: int) -> NDArray[np.int64]:
 
 
 @compiled
-def _strongest(responses: Floats, leaves: NDArray[np.int64]) -> NDArray[np.int64]:
+def _strongest(responses: Array, leaves: NDArray[np.int64]) -> NDArray[np.int64]:
     """The strongest row (L,) of each leaf, the first of those alike."""
     kept = np.empty(len(leaves), np.int64)
     for leaf in range(len(leaves)):

@@ -87,7 +87,7 @@ class Locator:
         size = image.shape[1], image.shape[0]
         camera = photo_camera(path, size, self.camera, self._map_camera(size))
         clock.append(time.monotonic())
-        image = scaled_down(image, self.config.locate.max_size_px)
+        image = scaled_down(image, self._longest_px(camera.intrinsics))
         features = self._front_end.extract(brightened(image))
         clock.append(time.monotonic())
         query, result = self._asked(features, camera, image)
@@ -115,6 +115,16 @@ class Locator:
         """That of the map, with as many features as are asked of a photo."""
         wanted = dataclasses.replace(self.features, max_features=self.config.locate.max_features)
         return front_end(wanted)
+
+    def _longest_px(self, photo: Intrinsics) -> int:
+        """How long the longer side of a photo may be.
+
+        Where features do not know their scale, things must be as large as in the map's images.
+        """
+        longest = self.config.locate.max_size_px
+        if self._front_end.space.has_scales:
+            return longest
+        return min(longest, round(max(photo.size) * self.map_cameras[0].fx / photo.fx))
 
     def _map_camera(self, size: tuple[int, int]) -> Intrinsics:
         """The camera of a capture whose images have this size, else the first's."""
