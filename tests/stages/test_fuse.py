@@ -160,3 +160,24 @@ def test_a_keyframe_without_a_pose_is_left_out(posed_map: Path, tmp_path: Path) 
         changed = type(result)(poses, result.keyframe_covariance, result.landmarks, result.world)
         artifacts.save_optimised(draft, changed)
     assert [view.frame.index for view in fuse.PosedFrames(folder)] == [0, *range(10, 60, 5)]
+
+
+def test_what_moves_and_the_blocks_beside_it_are_not_fused(
+    posed_map: Path,
+    tmp_path: Path,
+    altering: Callable[[MapFolder, str], AbstractContextManager[Path]],
+) -> None:
+    shutil.copytree(posed_map, tmp_path / "map")
+    folder = MapFolder(tmp_path / "map")
+    before = next(iter(fuse.PosedFrames(folder))).frame.depth_m
+    height, width = before.shape
+    moving = np.zeros((height // 4, width // 4), bool)
+    moving[10:20, 10:20] = True
+    with altering(folder, "odometry") as draft:
+        artifacts.save_keyframe_mask(draft, 0, moving)
+    after = next(iter(fuse.PosedFrames(folder))).frame.depth_m
+    assert not after[36:84, 40:80].any()
+    assert not after[40:80, 36:84].any()
+    left = np.ones(before.shape, bool)
+    left[36:84, 36:84] = False
+    np.testing.assert_array_equal(after[left], before[left])

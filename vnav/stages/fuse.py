@@ -1,6 +1,7 @@
 """The keyframes' depth made one cloud, octree, mesh and grid: claim 3, S8, and claim 5, 3.1."""
 
 from collections.abc import Iterator
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -12,6 +13,7 @@ from vnav.core.arrays import Array
 from vnav.core.grid import FREE, STATES, Grid
 from vnav.core.mapping import Landmarks, World
 from vnav.core.progress import Progress, silent
+from vnav.core.reduced_frame import BLOCK_PX
 from vnav.core.report import Report
 from vnav.errors import MapError
 from vnav.io.formats.ply import write_cloud, write_mesh
@@ -92,7 +94,7 @@ class PosedFrames:
     def __iter__(self) -> Iterator[PosedFrame]:
         for row in self._rows:
             frame = load_keyframe(self._folder, row, self._frames)
-            yield PosedFrame(frame, self._poses[row])
+            yield PosedFrame(replace(frame, depth_m=self._depth(row)), self._poses[row])
 
     def walks(self) -> list[Array]:
         """For each capture, the camera's centres (F, 3) at all frames, NaN where not known."""
@@ -105,8 +107,12 @@ class PosedFrames:
         history = DepthHistory(sigma_per_m2, fuse.octree_m, fuse.departed_after)
         for row in self._rows:
             camera = self._cameras[self._frames.capture[row]]
-            history.add(load_keyframe_depth(self._folder, row), camera, self._poses[row])
+            history.add(self._depth(row), camera, self._poses[row])
         return history
+
+    def _depth(self, row: int) -> NDArray[np.float32]:
+        """Without what moves and the blocks beside it, which its edge reaches into."""
+        return load_keyframe_depth(self._folder, row, BLOCK_PX)
 
     def departed(self, landmarks: Landmarks, history: DepthHistory) -> NDArray[np.bool_]:
         """Which landmarks (L,) have departed since the last of these keyframes saw them."""

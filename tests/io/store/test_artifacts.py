@@ -176,7 +176,16 @@ def test_depth_beyond_what_is_stored_is_not_wrapped_to_near(folder: MapFolder) -
     assert artifacts.load_keyframe_depth(folder, 0).min() > 13
 
 
-def test_what_moves_and_the_blocks_beside_it_have_no_depth(folder: MapFolder) -> None:
+@pytest.mark.parametrize(
+    ("beside_px", "hidden"),
+    [
+        (0, [[0, 0, 0, 0, 0], [0, 0, 1, 0, 0], [0, 0, 0, 0, 0]]),
+        (4, [[0, 0, 1, 0, 0], [0, 1, 1, 1, 0], [0, 0, 1, 0, 0]]),
+    ],
+)
+def test_what_moves_has_no_depth_nor_has_what_is_beside_it(
+    folder: MapFolder, beside_px: int, hidden: list[list[int]]
+) -> None:
     camera = Intrinsics(20, 12, 9.0, 9.0, 9.5, 5.5)
     frame = Frame(0, 0, 1.0, np.zeros((12, 20, 3)), np.full((12, 20), 2.0), camera)
     moving = np.zeros((3, 5), bool)
@@ -187,9 +196,8 @@ def test_what_moves_and_the_blocks_beside_it_have_no_depth(folder: MapFolder) ->
         artifacts.save_keyframe_mask(draft, 0, moving)
 
     saved(folder, "odometry", write)
-    blocks = artifacts.load_keyframe_depth(folder, 0)[::4, ::4] > 0
-    hidden = [[0, 0, 1, 0, 0], [0, 1, 1, 1, 0], [0, 0, 1, 0, 0]]
-    np.testing.assert_array_equal(~blocks, np.array(hidden, bool))
+    no_depth = artifacts.load_keyframe_depth(folder, 0, beside_px) == 0
+    np.testing.assert_array_equal(no_depth, np.kron(hidden, np.ones((4, 4))) > 0)
 
 
 def test_a_missing_keyframe_image_is_named(folder: MapFolder) -> None:

@@ -25,7 +25,7 @@ from vnav.core.mapping import (
     World,
 )
 from vnav.core.point_cloud import Mesh, PointCloud
-from vnav.core.reduced_frame import BLOCK_PX, in_pixels
+from vnav.core.reduced_frame import in_pixels
 from vnav.core.trajectory import Trajectory
 from vnav.errors import MapError
 from vnav.io.files import write_text
@@ -38,7 +38,6 @@ from vnav.io.store.schemas import load_table
 
 Kind = TypeVar("Kind")
 DEPTH_UNITS_PER_METRE = 5000  # of the keyframes' depth images: 0.2 mm steps up to 13.1 m
-BESIDE = cv2.getStructuringElement(cv2.MORPH_CROSS, (2 * BLOCK_PX + 1, 2 * BLOCK_PX + 1))
 MEND = "build the map anew with 'vnav build-map CAPTURE --fresh'"
 
 
@@ -155,17 +154,17 @@ def load_keyframe(folder: MapFolder, row: int, frames: FrameTable) -> Frame:
     return Frame(*key, float(frames.stamp_s[row]), color.astype(np.uint8), depth_m, intrinsics)
 
 
-def load_keyframe_depth(folder: MapFolder, row: int) -> NDArray[np.float32]:
+def load_keyframe_depth(folder: MapFolder, row: int, beside_px: int = 0) -> NDArray[np.float32]:
     """A keyframe's depth (H, W) in metres, 0 where there is none; MapError where missing.
 
-    What moves has none, nor have the blocks beside it, which its edge reaches into: nothing that is
-    made of the map's depth shows it.
+    What moves has none, nor has what is beside it, by so many pixels: nothing that is made of the
+    map's depth shows it.
     """
     depth = _keyframe_image(folder, row, "png", cv2.IMREAD_UNCHANGED)
     depth_m = np.asarray(depth / np.float32(DEPTH_UNITS_PER_METRE))
-    moving = load_keyframe_mask(folder, row, depth_m.shape)
-    hidden = cv2.dilate(moving.astype(np.uint8), BESIDE) > 0
-    return np.where(hidden, np.float32(0), depth_m)
+    moving = load_keyframe_mask(folder, row, depth_m.shape).astype(np.uint8)
+    beside = cv2.getStructuringElement(cv2.MORPH_CROSS, (2 * beside_px + 1, 2 * beside_px + 1))
+    return np.where(cv2.dilate(moving, beside) > 0, np.float32(0), depth_m)
 
 
 def load_keyframe_mask(folder: MapFolder, row: int, shape: tuple[int, ...]) -> NDArray[np.bool_]:
