@@ -41,13 +41,21 @@ def _log_to_file(context: click.Context, _option: click.Parameter, path: Path | 
     if path is None:
         return
     try:
-        handler = logging.FileHandler(path, encoding="utf-8")
+        handler = _LogFile(path, encoding="utf-8")
     except OSError as error:
         raise click.BadParameter(
             f"expected a file that can be written, found: {error.strerror}: {path}"
         ) from error
     handler.setFormatter(logging.Formatter(FORMAT))
     _attach(context, handler)
+
+
+class _LogFile(logging.FileHandler):
+    """A file whose errors end the command: a log that was asked for is not left out in silence."""
+
+    def handleError(self, record: logging.LogRecord) -> None:  # noqa: N802 - logging's name
+        """Raise what kept a record from being written."""
+        raise
 
 
 def _attach(context: click.Context, handler: logging.Handler) -> None:

@@ -104,3 +104,8 @@ def test_a_command_that_is_asked_for_again_has_its_options_once(command: click.C
     before = list(command.params)
     add_options(command)
     assert command.params == before
+
+
+def test_a_log_that_cannot_be_written_ends_the_command(command: click.Command) -> None:
+    with pytest.raises(OSError, match="No space left"):
+        run(command, "--log-file", "/dev/full")

@@ -153,3 +153,20 @@ def test_opencv_adds_nothing_to_the_one_line(tmp_path: Path) -> None:
     assert "expected an image" in done.stderr
     assert "[ERROR" not in done.stderr
     assert "[ WARN" not in done.stderr
+
+
+def test_an_interruption_while_the_command_line_is_loaded_is_told(tmp_path: Path) -> None:
+    code = """
+import sys
+class Interrupting:
+    def find_spec(self, name, path=None, target=None):
+        if name == "click":
+            raise KeyboardInterrupt
+sys.meta_path.insert(0, Interrupting())
+from vnav.__main__ import run
+sys.exit(run())
+"""
+    command = [sys.executable, "-c", code]
+    done = subprocess.run(command, cwd=tmp_path, text=True, capture_output=True)
+    assert done.returncode == 130
+    assert done.stderr == "vnav: interrupted; what was finished is kept\n"
