@@ -82,6 +82,8 @@ class Attack:
             if keep:
                 print(f"kept: {folder}", file=sys.stderr)
             else:
+                for path in (folder, *(p for p in folder.rglob("*") if p.is_dir())):
+                    path.chmod(0o755)  # read-only, in some cases
                 shutil.rmtree(folder, ignore_errors=True)
 
     def tried(self, kind: str, number: int, attempt: Attempt, folder: Path) -> Outcome:
@@ -114,6 +116,8 @@ class Attack:
             attempt = Attempt("nothing", command, outputs=outputs)
             self._intact[key] = self._result(attempt, folder)
             shutil.rmtree(folder)
+            if self._intact[key].ended or self._intact[key].code in (1, 2):
+                raise RuntimeError(f"{' '.join(command)} fails undisturbed: {self._intact[key]}")
         return self._intact[key]
 
     def _result(self, attempt: Attempt, folder: Path) -> Result:

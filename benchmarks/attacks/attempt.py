@@ -6,6 +6,7 @@ an answer that differs from the undisturbed one without a word.
 
 import json
 import re
+import signal
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
@@ -13,6 +14,8 @@ from typing import Any
 REFUSALS = {1: "vnav: ", 2: "Error: "}  # by exit code, how the one line begins
 CODES = (0, 1, 2, 3)
 NOISE = re.compile(r"^\[ ?(WARN|ERROR)|\.py:\d+: \w*Warning|terminate called", re.MULTILINE)
+INTERRUPTED = 130
+OWN_CODE = re.compile(r'File ".*/vnav/(?!__init__)')  # in a traceback: vnav had begun
 TRACEBACK = "Traceback (most recent call last)"
 VOLATILE = {"seconds", "cpu_seconds", "size_mb", "map", "photo"}  # keys of answers in JSON
 MEASURED = re.compile(r"\d+\.\d+ (s|MB)\b")
@@ -48,14 +51,15 @@ class Disturbance:
     """What a process of its own suffers: environment, limits, streams, a signal.
 
     ``limits`` by number of the resource; ``streams`` by name of the stream: a file, or "closed";
-    ``interrupt_s``: when SIGINT comes; ``user``: whose process it is.
+    ``signal_s``: when the signal comes; ``unprivileged``: permissions hold for root, too.
     """
 
     environment: Mapping[str, str | None] = field(default_factory=dict)
     limits: Mapping[int, int] = field(default_factory=dict)
     streams: Mapping[str, str] = field(default_factory=dict)
-    interrupt_s: float | None = None
-    user: int | None = None
+    signal_s: float | None = None
+    signal: int = signal.SIGINT
+    unprivileged: bool = False
 
 
 def anything(result: Result, intact: Intact) -> str:
@@ -149,13 +153,13 @@ def fault(attempt: Attempt, result: Result, intact: Intact) -> str:
 
 def unclean(attempt: Attempt, result: Result) -> str:
     """What no command may do, whatever it was given."""
+    if is_interrupted(attempt, result):
+        return ""
     if result.ended:
         return result.ended
     said = result.out + result.err
     if TRACEBACK in said:
         return f"traceback: {said.strip().splitlines()[-1][:200]}"
-    if result.code == 130 and attempt.disturbance and attempt.disturbance.interrupt_s is not None:
-        return ""
     if result.code not in CODES:
         return f"exit code {result.code}"
     if noise := NOISE.search(said):
@@ -164,12 +168,26 @@ def unclean(attempt: Attempt, result: Result) -> str:
     return "" if is_one_line(attempt, result) else "refused, and not in one line"
 
 
+def is_interrupted(attempt: Attempt, result: Result) -> bool:
+    """Whether a signal ended it in one line, or before vnav had begun, or after all was done."""
+    if attempt.disturbance is None or attempt.disturbance.signal_s is None:
+        return False
+    if result.code == INTERRUPTED:
+        return TRACEBACK not in result.err and is_told(result, "vnav: interrupted")
+    return result.code == -signal.SIGINT and not OWN_CODE.search(result.err)
+
+
 def is_one_line(attempt: Attempt, result: Result) -> bool:
     """Whether what was refused is told in the last line of stderr; an answer "no" is on stdout."""
     answers_no = result.code == 1 and bool(result.out)
     if result.code not in REFUSALS or answers_no or closes_stderr(attempt):
         return True
     start = REFUSALS[result.code]
+    return is_told(result, start)
+
+
+def is_told(result: Result, start: str) -> bool:
+    """Whether the last line that is no warning begins so, and is a line."""
     lines = [line for line in result.err.split("\n") if not line.startswith("vnav: warning: ")]
     return lines[-1] == "" and len(lines) > 1 and lines[-2].startswith(start)
 
