@@ -120,7 +120,9 @@ def test_a_map_of_another_format_is_left_alone(vnav: Vnav, capture: Path) -> Non
 
 
 def test_a_map_of_another_capture_is_left_alone(vnav: Vnav, capture: Path) -> None:
-    MapFolder.create(capture.parent / "map").set_captures([{"id": 0, "name": "other"}])
+    MapFolder.create(capture.parent / "map").set_captures(
+        [{"id": 0, "name": "other", "fingerprint": "", "camera": {}}]
+    )
     said = fails(vnav, capture)
     assert "expected other" in said
     assert "--fresh" in said

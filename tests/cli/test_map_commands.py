@@ -15,6 +15,7 @@ from vnav.errors import MapError, StaleArtifact
 from vnav.io.formats.ply import read_cloud, read_mesh
 from vnav.io.formats.trajectories import read_tum
 from vnav.io.store.map_folder import MapFolder
+from vnav.io.store.records import MappedCapture
 
 
 def run(*arguments: object) -> Result:
@@ -39,8 +40,9 @@ def test_info_as_json_is_one_object(fused_map: Path) -> None:
 def test_info_of_a_map_whose_capture_has_a_hostile_name_commands_no_terminal(
     tmp_path: Path,
 ) -> None:
-    camera = {"width": 64, "height": 48}
-    capture = {"id": 0, "name": "a\x1b]0;owned\x07\x9b2J", "camera": camera}
+    camera = {"width": 64, "height": 48, "fx": 50.0, "fy": 50.0, "cx": 31.5, "cy": 23.5}
+    name = "a\x1b]0;owned\x07\x9b2J"
+    capture = MappedCapture(id=0, name=name, fingerprint="", camera=camera)
     MapFolder.create(tmp_path / "map").set_captures([capture])
     said = run("info", tmp_path / "map").output
     assert "a\\x1b]0;owned\\x07\\x9b2J" in said

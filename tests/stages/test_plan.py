@@ -135,6 +135,10 @@ def test_without_a_located_photo_current_is_an_error_that_says_what_to_do(tmp_pa
         save_grid(draft, Grid((0, 0), 0.05, np.full((40, 40), FREE, np.uint8)))
     with pytest.raises(MapError, match="run 'vnav locate PHOTO"):
         plan(folder, "current", "1,1", CONFIG, _blind)
+    for crafted in (None, 1, [[1, 0, 0, 0]], [["x"] * 4] * 4):
+        folder.write_current({"T_world_camera": crafted})
+        with pytest.raises(MapError, match="run 'vnav locate PHOTO"):
+            plan(folder, "current", "1,1", CONFIG, _blind)
 
 
 def test_the_maps_uncertainty_is_inflated_up_to_a_limit() -> None:

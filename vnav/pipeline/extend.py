@@ -3,7 +3,6 @@
 import dataclasses
 import shutil
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -25,6 +24,7 @@ from vnav.io.store.artifacts import (
     save_odometry,
 )
 from vnav.io.store.map_folder import STAGES, MapFolder
+from vnav.io.store.records import MappedCapture
 from vnav.io.store.replacement import replacing
 from vnav.io.store.stage_reports import clock, finished, reused, settings_of
 from vnav.pipeline.build import BuiltMap, judged, run_stages, whole
@@ -88,7 +88,7 @@ def made_with(folder: MapFolder) -> Config:
     return updated(Config(), changes, f"the stages of {folder.root}")
 
 
-def _require_compatible(folder: MapFolder, entry: dict[str, Any], config: Config) -> None:
+def _require_compatible(folder: MapFolder, entry: MappedCapture, config: Config) -> None:
     """MapError, ConfigError or CaptureError where the capture cannot be joined to such a map."""
     made = made_with(folder)
     if load_odometry(folder).given:

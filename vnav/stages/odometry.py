@@ -26,6 +26,7 @@ from vnav.io.sources.capture import Capture
 from vnav.io.sources.rectify import rectified, resampled
 from vnav.io.store.artifacts import save_keyframe, save_keyframe_mask, save_odometry
 from vnav.io.store.map_folder import MapFolder
+from vnav.io.store.records import MappedCapture
 from vnav.io.store.stage_reports import clock, finished, reused, settings_of
 from vnav.threads import one_blas_thread, one_opencv_thread
 from vnav.tracking.given_poses import GivenPoses, poses_at
@@ -138,7 +139,7 @@ def _frame_table(capture: Capture) -> FrameTable:
     return FrameTable(np.zeros_like(index), index, capture.stamps_s)
 
 
-def described(number: int, capture: Capture) -> dict[str, Any]:
+def described(number: int, capture: Capture) -> MappedCapture:
     """A capture as the map lists it."""
     camera = dataclasses.asdict(rectified(capture.camera))
     fingerprint = capture.fingerprint()

@@ -17,6 +17,7 @@ from vnav.core.mapping import OptimisedMap
 from vnav.errors import MapError
 from vnav.io.store.artifacts import load_grid, load_optimised
 from vnav.io.store.map_folder import MapFolder
+from vnav.io.store.records import PoseNote, is_kind
 from vnav.planning.planner import Plan, heading_rad, plan_path
 from vnav.planning.snapping import Point, SnappedPoint
 
@@ -147,14 +148,14 @@ def _point(text: str) -> Point | None:
 
 
 def _current(folder: MapFolder) -> Array:
-    pose = folder.current()
-    if pose is None:
+    pose = (folder.current() or {}).get("T_world_camera")
+    if not is_kind(pose, PoseNote):
         raise MapError(
             f"expected a photo located in {folder.root} as it is now, found none; run"
             f" 'vnav locate PHOTO --map {folder.root}' first, or say where from with"
             " --from PHOTO or --from X,Y"
         )
-    return np.array(pose["T_world_camera"], float)
+    return np.array(pose, float)
 
 
 def _seen_from(T_world_camera: Array) -> FloorPose:

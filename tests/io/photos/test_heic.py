@@ -59,3 +59,11 @@ def test_a_heic_photo_is_read(tmp_path: Path) -> None:
     assert found.shape == image.shape
     # A lossy codec: flat halves come back within a few grey levels.
     assert np.abs(found[:, 60:].astype(int) - image[:, 60:]).max() < 12
+
+
+def test_a_heic_photo_of_an_unknown_version_is_told(tmp_path: Path) -> None:
+    path = tmp_path / "photo.heic"
+    pillow_heif.from_bytes("RGB", (96, 64), bytes(96 * 64 * 3)).save(path)
+    path.write_bytes(path.read_bytes().replace(b"infe\x02", b"infe\x86"))
+    with pytest.raises(PhotoError, match="whole HEIC .*version"):
+        read_photo(path)

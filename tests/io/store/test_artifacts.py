@@ -3,6 +3,7 @@
 import dataclasses
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -26,6 +27,7 @@ from vnav.features.sift import SPACE
 from vnav.io.formats.grid_files import write_grid, write_walked
 from vnav.io.store import artifacts
 from vnav.io.store.map_folder import MapFolder
+from vnav.io.store.records import MappedCapture
 
 RNG = np.random.default_rng(0)
 
@@ -150,6 +152,10 @@ def test_the_optimised_map_is_loaded_as_it_was_saved(folder: MapFolder, world: W
     assert_same(result, artifacts.load_optimised(folder))
 
 
+def mapped(camera: dict[str, Any]) -> MappedCapture:
+    return MappedCapture(id=0, name="house", fingerprint="", camera=camera)
+
+
 def test_a_keyframes_images_are_kept(folder: MapFolder) -> None:
     # JPEG of a smooth image is off by little; depth is stored in steps of 0.2 mm.
     ramp = np.linspace(0, 255, 64 * 48).reshape(48, 64)
@@ -159,7 +165,7 @@ def test_a_keyframes_images_are_kept(folder: MapFolder) -> None:
     camera = Intrinsics(64, 48, 50.0, 51.0, 31.5, 23.5)
     frame = Frame(1, 0, 1.0, color, depth, camera)
     frames = odometry().frames
-    folder.set_captures([{"camera": {}}, {"camera": vars(camera)}])
+    folder.set_captures([mapped({}), mapped(vars(camera))])
     saved(folder, "odometry", lambda draft: artifacts.save_keyframe(draft, 3, frame))
     kept = artifacts.load_keyframe(folder, 3, frames)
     assert (kept.capture, kept.index, kept.stamp_s) == (1, 0, 1.0)
@@ -208,7 +214,7 @@ def test_a_missing_keyframe_image_is_named(folder: MapFolder) -> None:
 
 def test_the_camera_of_the_map_is_undistorted_and_whole(folder: MapFolder) -> None:
     camera = {"width": 64, "height": 48, "fx": 50.0, "fy": 51.0, "cx": 31.5, "cy": 23.5}
-    folder.set_captures([{"id": 0, "camera": camera}, {"id": 1, "camera": camera | {"fx": 60.0}}])
+    folder.set_captures([mapped(camera), mapped(camera | {"fx": 60.0})])
     assert artifacts.map_camera(folder).size == (64, 48)
     assert artifacts.map_camera(folder, 1).fx == 60.0
     assert artifacts.map_camera(folder).distortion == ()

@@ -1,4 +1,6 @@
+import hashlib
 import json
+import os
 import subprocess
 import sys
 from collections.abc import Callable
@@ -9,10 +11,12 @@ import pytest
 import vnav
 from vnav.errors import MapError, StaleArtifact
 from vnav.io.store import map_folder
-from vnav.io.store.map_folder import FORMAT, MapFolder
+from vnav.io.store.map_folder import FORMAT, MapFolder, to_json
+from vnav.io.store.records import MappedCapture
 
 SETTINGS = {"seed": 0, "loops": {"candidates": 8, "share": 0.25, "on": True, "name": "x"}}
 INPUTS = {"capture_0": "abc"}
+HOUSE = MappedCapture(id=0, name="house", fingerprint="abc", camera={"fx": 525.0})
 
 
 @pytest.fixture
@@ -38,8 +42,8 @@ def test_an_empty_folder_and_a_missing_one_become_maps(tmp_path: Path) -> None:
 
 
 def test_captures_are_remembered(folder: MapFolder) -> None:
-    folder.set_captures([{"id": 0, "name": "house"}])
-    assert MapFolder.create(folder.root).captures == [{"id": 0, "name": "house"}]
+    folder.set_captures([HOUSE])
+    assert MapFolder.create(folder.root).captures == [HOUSE]
 
 
 def test_opening_what_is_no_map_says_how_to_make_one(tmp_path: Path) -> None:
@@ -79,7 +83,7 @@ def test_fresh_leaves_another_programs_map_json_alone(tmp_path: Path) -> None:
 
 def test_fresh_removes_what_vnav_wrote_and_nothing_else(folder: MapFolder) -> None:
     write(folder, "odometry")
-    folder.set_captures([{"id": 0}])
+    folder.set_captures([HOUSE])
     folder.write_report("odometry", {"seconds": 1})
     folder.write_current({"x": 1})
     (folder.root / "notes.txt").write_text("mine")
@@ -270,6 +274,54 @@ def test_a_number_that_json_cannot_hold_is_another_content(folder: MapFolder, nu
         MapFolder(folder.root).settings("odometry")
 
 
+def craft(path: Path, **changes: object) -> None:
+    """Let a JSON file say something else, under a seal that fits; None takes a key away."""
+    values = {k: v for k, v in (json.loads(path.read_text()) | changes).items() if v is not None}
+    values.pop("sha256", None)
+    seal = hashlib.sha256(to_json(values).encode()).hexdigest()
+    path.write_text(to_json({**values, "sha256": seal}))
+
+
+@pytest.mark.parametrize("key", ["vnav", "settings", "inputs", "files"])
+@pytest.mark.parametrize("value", [None, 1, ["a"], {"result.txt": 1}])
+def test_a_crafted_record_of_a_stage_is_named(folder: MapFolder, key: str, value: object) -> None:
+    if key == "settings" and isinstance(value, dict):
+        pytest.skip("settings are checked where they are used")
+    write(folder, "odometry")
+    craft(folder.root / "odometry" / "stage.json", **{key: value})
+    with pytest.raises(MapError, match=r"expected .*stage\.json as vnav writes it, found: "):
+        MapFolder(folder.root).stage("odometry")
+
+
+@pytest.mark.parametrize("name", ["../map.json", "/etc/passwd", "keyframes/../../map.json"])
+def test_a_record_names_no_file_outside_its_stage(folder: MapFolder, name: str) -> None:
+    write(folder, "odometry")
+    craft(folder.root / "odometry" / "stage.json", files={name: "0" * 64})
+    with pytest.raises(MapError, match="expected files below their stage"):
+        MapFolder(folder.root).files("odometry")
+
+
+@pytest.mark.parametrize("captures", [None, 1, [1], [{"id": 0}], [{**HOUSE, "camera": []}]])
+def test_a_crafted_list_of_captures_is_named(folder: MapFolder, captures: object) -> None:
+    craft(folder.root / "map.json", captures=captures)
+    with pytest.raises(MapError, match=r"expected .*map\.json as vnav writes it, found: "):
+        MapFolder.open(folder.root)
+
+
+@pytest.mark.parametrize("values", [{"lines": 1}, {"seconds": "x"}, {"values": [1]}])
+def test_a_crafted_report_is_none(folder: MapFolder, values: dict[str, object]) -> None:
+    folder.write_report("odometry", {"lines": ["10 frames"], "values": {}, "seconds": 1.0})
+    craft(folder.root / "reports" / "odometry.json", **values)
+    assert folder.report("odometry") == {}
+
+
+def test_a_record_of_a_huge_size_is_not_read(folder: MapFolder) -> None:
+    write(folder, "odometry")
+    os.truncate(folder.root / "odometry" / "stage.json", 2**40)
+    with pytest.raises(MapError, match="File too large"):
+        MapFolder(folder.root).stage("odometry")
+
+
 def finished(folder: MapFolder) -> MapFolder:
     before: list[str] = []
     for stage in map_folder.STAGES:
@@ -338,7 +390,7 @@ def test_a_stage_whose_record_was_altered_is_made_again(folder: MapFolder) -> No
 
 
 def test_a_map_whose_cameras_were_altered_is_refused(folder: MapFolder) -> None:
-    folder.set_captures([{"id": 0, "camera": {"fx": 525.0}}])
+    folder.set_captures([HOUSE])
     path = folder.root / "map.json"
     path.write_text(path.read_text().replace("525.0", "526.0"))
     with pytest.raises(StaleArtifact, match=r"expected .*map\.json as vnav wrote it"):

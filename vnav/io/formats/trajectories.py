@@ -2,6 +2,7 @@
 
 import hashlib
 import itertools
+import math
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -96,7 +97,7 @@ def _values(path: Path, number: int, line: str, words: Sequence[str], first: str
         raise TrajectoryError(
             f"expected positions in metres in {path}, line {number}, found '{line}'"
         )
-    length = float(np.linalg.norm(values[4:]))
+    length = math.hypot(*values[4:])
     if abs(length - 1) > _UNIT:
         raise TrajectoryError(
             f"expected a unit quaternion in {path}, line {number}, found length {length:.4g}"

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from vnav.errors import PhotoError
 
 EXIF_HEADER = b"Exif\0\0"
-DAMAGED = (OSError, ValueError, RuntimeError, EOFError)  # what pillow-heif raises
+DAMAGED = (OSError, ValueError, RuntimeError, EOFError, SyntaxError)  # what pillow-heif raises
 BRANDS = (b"heic", b"heix", b"hevc", b"heim", b"heis", b"mif1", b"msf1")
 
 

@@ -43,7 +43,7 @@ MEND = "build the map anew with 'vnav build-map CAPTURE --fresh'"
 
 def map_camera(folder: MapFolder, capture: int = 0) -> Intrinsics:
     """The undistorted colour camera that the frames of a capture of this map were seen by."""
-    path, found = folder.root / "map.json", folder.captures[capture].get("camera")
+    path, found = folder.root / "map.json", folder.captures[capture]["camera"]
     try:
         camera = msgspec.convert(found, Intrinsics)
     except msgspec.ValidationError as error:

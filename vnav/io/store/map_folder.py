@@ -12,7 +12,7 @@ import json
 import os
 import secrets
 import shutil
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -20,9 +20,18 @@ from typing import Any
 
 from vnav import __version__
 from vnav.errors import MapError, StaleArtifact
-from vnav.io.files import write_text
+from vnav.io.files import read_text, write_text
 from vnav.io.store.map_lock import NAME as LOCK
 from vnav.io.store.map_lock import unwritable
+from vnav.io.store.records import (
+    CaptureList,
+    MappedCapture,
+    StageNote,
+    StageRecord,
+    checked,
+    is_kind,
+    require_inside,
+)
 
 FORMAT = 6
 STAGES = ("odometry", "vocabulary", "loops", "optimise", "fuse", "index")
@@ -37,7 +46,7 @@ class _Record:
     """What a stage.json says, a hash of it, and which file it was."""
 
     file: tuple[int, int, int]
-    values: dict[str, Any]
+    values: StageRecord
     digest: str
 
 
@@ -70,7 +79,7 @@ class MapFolder:
                 f"expected map format {FORMAT} in {path}, found {found};"
                 f" build the map anew with 'vnav build-map CAPTURE --map {root} --fresh'"
             )
-        _unsealed(values, path)
+        checked(_unsealed(values, path), CaptureList, path)
         return cls(root)
 
     @classmethod
@@ -92,7 +101,7 @@ class MapFolder:
             raise unwritable(root, error) from error
         return folder
 
-    def _found(self, fresh: bool) -> list[dict[str, Any]]:
+    def _found(self, fresh: bool) -> list[MappedCapture]:
         """The captures of the map that is here, none where it is to be made."""
         path = self.root / "map.json"
         if path.exists() and not fresh:
@@ -112,14 +121,14 @@ class MapFolder:
         return []
 
     @property
-    def captures(self) -> list[dict[str, Any]]:
-        """The map's captures: id, name, fingerprint, camera."""
-        captures: list[dict[str, Any]] = _read_json(self.root / "map.json")["captures"]
-        return captures
+    def captures(self) -> list[MappedCapture]:
+        """The map's captures."""
+        path = self.root / "map.json"
+        return checked(_read_json(path), CaptureList, path)["captures"]
 
-    def set_captures(self, captures: list[dict[str, Any]]) -> None:
+    def set_captures(self, captures: Sequence[MappedCapture]) -> None:
         """Replace the list of captures."""
-        _write_json(self.root / "map.json", {"format": FORMAT, "captures": captures})
+        _write_json(self.root / "map.json", {"format": FORMAT, "captures": list(captures)})
 
     def inputs_of(self, *stages: str) -> dict[str, str]:
         """What a stage depends on: a hash over each named stage's recorded output."""
@@ -135,7 +144,9 @@ class MapFolder:
             record = self.recorded(stage)
         except StaleArtifact:
             return False
-        made_from = {key: record.get(key) for key in ("vnav", "settings", "inputs")}
+        if record is None:
+            return False
+        made_from = {key: value for key, value in record.items() if key != "files"}
         wanted = {"vnav": __version__, "settings": dict(settings), "inputs": dict(inputs)}
         if made_from != json.loads(to_json(wanted)):
             return False
@@ -174,8 +185,7 @@ class MapFolder:
 
     def files(self, stage: str) -> dict[str, str]:
         """Names of the files that a stage wrote, in its folder, and hashes of what they hold."""
-        files: dict[str, str] = self._record(stage).values["files"]
-        return files
+        return self._record(stage).values["files"]
 
     def require_finished(self) -> None:
         """StaleArtifact where a stage is missing or stale, MapError where another vnav made it."""
@@ -202,13 +212,12 @@ class MapFolder:
     def settings(self, stage: str) -> dict[str, Any]:
         """What a finished stage was made with: the seed, and its sections of the configuration."""
         self.stage(stage)
-        settings: dict[str, Any] = self._record(stage).values["settings"]
-        return settings
+        return self._record(stage).values["settings"]
 
-    def recorded(self, stage: str) -> dict[str, Any]:
-        """What a stage, stale or not, was made by and from; empty where it is missing."""
+    def recorded(self, stage: str) -> StageRecord | None:
+        """What a stage, stale or not, was made by and from; None where it is missing."""
         is_there = (self.root / stage / "stage.json").is_file()
-        return self._record(stage).values if is_there else {}
+        return self._record(stage).values if is_there else None
 
     def has(self, stage: str) -> bool:
         """Whether a stage is finished and its inputs are those it was made from."""
@@ -255,7 +264,8 @@ class MapFolder:
 
     def report(self, stage: str) -> dict[str, Any]:
         """A stage's last report, empty where there is none."""
-        return _intact(self.root / "reports" / f"{stage}.json")
+        found = _intact(self.root / "reports" / f"{stage}.json")
+        return found if is_kind(found, StageNote) else {}
 
     def write_current(self, pose: Mapping[str, Any]) -> None:
         """Remember the last located pose; OSError where the map is read-only."""
@@ -276,7 +286,9 @@ class MapFolder:
         file = status.st_ino, status.st_mtime_ns, status.st_size
         known = self._records.get(stage)
         if known is None or known.file != file:
-            known = self._records[stage] = _Record(file, _read_json(path), _digest(path))
+            values = checked(_read_json(path), StageRecord, path)
+            require_inside(values["files"], path)
+            known = self._records[stage] = _Record(file, values, _digest(path))
         return known
 
     def _world(self) -> str:
@@ -341,7 +353,7 @@ def _seal(values: Mapping[str, Any]) -> str:
 
 def _json(path: Path) -> dict[str, Any]:
     try:
-        value = json.loads(path.read_text("utf-8"))
+        value = json.loads(read_text(path))
     except (OSError, ValueError, RecursionError) as error:
         raise MapError(f"expected JSON in {path}, found: {error}; build with --fresh") from error
     if not isinstance(value, dict):

@@ -6,10 +6,16 @@ import numpy as np
 
 from vnav.core.grid import STATES
 from vnav.core.mapping import counted
-from vnav.io.store.artifacts import load_grid, load_loops, load_odometry, load_optimised
+from vnav.io.store.artifacts import (
+    load_grid,
+    load_loops,
+    load_odometry,
+    load_optimised,
+    map_cameras,
+)
 from vnav.io.store.map_folder import STAGES, MapFolder
+from vnav.io.store.records import VerdictNote, is_kind
 
-SIZE = ("width", "height")
 UNJOINED = "no loop joins it to the rest of the map"
 
 
@@ -38,8 +44,8 @@ def overview(folder: MapFolder) -> dict[str, Any]:
             for stage, state in states.items()
         },
         "captures": [
-            {"id": c["id"], "name": c["name"], "size_px": [c["camera"][k] for k in SIZE]}
-            for c in folder.captures
+            {"id": c["id"], "name": c["name"], "size_px": list(camera.size)}
+            for c, camera in zip(folder.captures, map_cameras(folder), strict=True)
         ],
         "current": folder.current(),
         "quality": folder.report("quality")["values"] if has_verdict(folder) else None,
@@ -57,8 +63,9 @@ def has_verdict(folder: MapFolder) -> bool:
     """Whether there is a verdict, and on the map as it is."""
     if not folder.has("optimise"):
         return False
-    judged = folder.report("quality").get("values", {}).get("inputs")
-    return bool(judged == folder.inputs_of("optimise"))
+    judged = folder.report("quality").get("values", {})
+    is_of_this_map = judged.get("inputs") == folder.inputs_of("optimise")
+    return is_of_this_map and is_kind(judged, VerdictNote)
 
 
 def _state(folder: MapFolder, stage: str) -> str:

@@ -22,15 +22,15 @@ def recorded_settings(folder: MapFolder) -> RecordedSettings:
 
     Stages disagree where one was made again with other settings than those before it.
     """
-    records = {stage: folder.recorded(stage) for stage in STAGES}
+    records = {stage: record for stage in STAGES if (record := folder.recorded(stage))}
     said: dict[str, dict[str, Any]] = {}
     for stage, record in records.items():
-        for name, value in flat(record.get("settings", {})):
+        for name, value in flat(record["settings"]):
             if name in SETTINGS:
                 said.setdefault(name, {})[stage] = value
     in_order = {name: said[name] for name in SETTINGS if name in said}
     values = {name: list(by_stage.values()) for name, by_stage in in_order.items()}
     agreed = {name: each[0] for name, each in values.items() if each.count(each[0]) == len(each)}
     disagreed = {name: by for name, by in in_order.items() if name not in agreed}
-    missing = tuple(stage for stage, record in records.items() if not record)
+    missing = tuple(stage for stage in STAGES if stage not in records)
     return RecordedSettings(agreed, disagreed, missing)

@@ -1,0 +1,86 @@
+"""What a map's JSON files hold, by type: a crafted one is refused before anything relies on it."""
+
+from pathlib import PurePosixPath
+from typing import Any, TypedDict, TypeVar
+
+import msgspec
+
+from vnav.errors import MapError
+
+Kind = TypeVar("Kind")
+PoseRow = tuple[float, float, float, float]
+PoseNote = tuple[PoseRow, PoseRow, PoseRow, PoseRow]  # a transformation
+
+
+class MappedCapture(TypedDict):
+    """A capture of a map."""
+
+    id: int
+    name: str
+    fingerprint: str
+    camera: dict[str, Any]
+
+
+class CaptureList(TypedDict):
+    """map.json, beside its format."""
+
+    captures: list[MappedCapture]
+
+
+class StageRecord(TypedDict):
+    """stage.json: what made a stage, from which settings and inputs, and hashes of its files."""
+
+    vnav: str
+    settings: dict[str, Any]
+    inputs: dict[str, str]
+    files: dict[str, str]
+
+
+class StageNote(TypedDict, total=False):
+    """The report of a stage, for people."""
+
+    values: dict[str, Any]
+    lines: list[str]
+    warnings: list[str]
+    seconds: float
+    cpu_seconds: float
+
+
+class VerdictNote(TypedDict):
+    """What the report on quality says first."""
+
+    verdict: str
+    doubts: list[str]
+
+
+def checked(values: Any, kind: type[Kind], where: object) -> Kind:
+    """Values of a file as they are, where they are of that kind; MapError where they are not."""
+    try:
+        msgspec.convert(values, kind)
+    except msgspec.ValidationError as error:
+        raise MapError(
+            f"expected {where} as vnav writes it, found: {error}; build the map anew with"
+            " 'vnav build-map CAPTURE --fresh'"
+        ) from error
+    found: Kind = values
+    return found
+
+
+def is_kind(values: Any, kind: Any) -> bool:
+    """Whether values are of that kind."""
+    try:
+        msgspec.convert(values, kind)
+    except msgspec.ValidationError:
+        return False
+    return True
+
+
+def require_inside(names: dict[str, str], where: object) -> None:
+    """MapError where one of a stage's files would lie outside its folder."""
+    for name in names:
+        path = PurePosixPath(name)
+        if path.is_absolute() or ".." in path.parts:
+            raise MapError(
+                f"expected files below their stage in {where}, found '{name}'; build the map anew"
+                " with 'vnav build-map CAPTURE --fresh'"
+            )
