@@ -42,6 +42,7 @@ CLASSES: dict[str, tuple[Maker, float]] = {  # and their shares of all cases
     "faults": (faults.attempt, 0.04),
 }
 SHELL_EVERY = 20
+RECORD = "stage.json"  # which names the content of a stage's inputs, that may be crafted
 GB = 2**30
 
 
@@ -126,7 +127,9 @@ class Attack:
         else:
             call = attempt.call or (vnav, attempt.command)
             result = self._worker().run(call, folder)
-        return replace(result, files=digests(folder, attempt.outputs))
+        files = digests(folder, attempt.outputs)
+        made = {name: digest for name, digest in files.items() if not name.endswith(RECORD)}
+        return replace(result, files=made)
 
     def _worker(self) -> Worker:
         if not hasattr(self._own, "worker"):

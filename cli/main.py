@@ -78,13 +78,20 @@ def _open_closed_streams() -> None:
             setattr(sys, name, Path(os.devnull).open("w"))  # noqa: SIM115 - for good
 
 
-def _in_one_line(error: VnavError) -> str:
-    """What an error says; some libraries tell theirs in several lines."""
+def _in_one_line(error: Exception) -> str:
+    """What is said of an error that is no bug; some libraries tell theirs in several lines."""
+    if isinstance(error, MemoryError):
+        return "expected more memory than there is; what was finished is kept"
+    if isinstance(error, ImportError):
+        return f"a library cannot be loaded: {error}; 'vnav doctor' tells more"
+    if isinstance(error, OSError):
+        where = f"{error.filename}: " if error.filename else ""
+        return f"{where}{error.strerror}; what was finished is kept"
     return " ".join(str(error).split("\n")).strip()
 
 
 def main() -> int:
-    """Run the command line; exit code 0, 1 (VnavError, OSError), 2 (usage) or 3 (answer: no)."""
+    """Run the command line; exit code 0, 1 (an error that is no bug), 2 (usage) or 3 (no)."""
     _open_closed_streams()
     os.environ.setdefault("OPENCV_LOG_LEVEL", "SILENT")  # what it finds is told by vnav
     for stream in (sys.stdout, sys.stderr):
@@ -96,12 +103,11 @@ def main() -> int:
     except BrokenPipeError:  # whoever read has enough; so does click end
         _close_stdout()
         return 1
-    except OSError as error:
-        _close_stdout()
-        where = f"{error.filename}: " if error.filename else ""
-        say(f"vnav: {where}{error.strerror}; what was finished is kept", err=True)
-        return 1
-    except VnavError as error:
+    except ModuleNotFoundError:  # a bug
+        raise
+    except (VnavError, OSError, MemoryError, ImportError) as error:
+        if isinstance(error, OSError):
+            _close_stdout()
         say(f"vnav: {_in_one_line(error)}", err=True)
         return 1
     except click.ClickException as error:

@@ -202,7 +202,7 @@ def canonical(text: str) -> Any:
     try:
         return without_volatile(json.loads(text))
     except ValueError:
-        return MEASURED.sub("", text)
+        return "\n".join(" ".join(line.split()) for line in MEASURED.sub("", text).split("\n"))
 
 
 def without_volatile(value: Any) -> Any:

@@ -54,6 +54,33 @@ def test_an_error_of_the_system_is_one_line_on_stderr_and_exits_with_1(
     assert capsys.readouterr() == ("", said)
 
 
+@pytest.mark.parametrize(
+    ("error", "said"),
+    [
+        (MemoryError(), "expected more memory than there is; what was finished is kept"),
+        (
+            ImportError("libGL.so.1: none"),
+            "a library cannot be loaded: libGL.so.1: none; 'vnav doc",
+        ),
+    ],
+)
+def test_what_the_machine_lacks_is_one_line(
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    error: Exception,
+    said: str,
+) -> None:
+    assert run(monkeypatch, error) == 1
+    told = capsys.readouterr().err
+    assert told.startswith(f"vnav: {said}")
+    assert told.count("\n") == 1
+
+
+def test_a_missing_module_of_its_own_is_a_bug(monkeypatch: pytest.MonkeyPatch) -> None:
+    with pytest.raises(ModuleNotFoundError):
+        run(monkeypatch, ModuleNotFoundError("vnav.io.nothing"))
+
+
 def test_a_bug_keeps_its_traceback(monkeypatch: pytest.MonkeyPatch) -> None:
     with pytest.raises(ZeroDivisionError):
         run(monkeypatch, ZeroDivisionError())
