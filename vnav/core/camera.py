@@ -7,6 +7,9 @@ from numpy.typing import ArrayLike
 
 from vnav.core.arrays import Array
 
+LEAST, MOST = 1e-3, 1e9  # of a focal length in pixels, of units a metre: nothing lies beyond
+MOST_SIDE_PX = 65_535  # no image is wider or higher
+
 
 @dataclass(frozen=True)
 class Intrinsics:
@@ -29,6 +32,13 @@ class Intrinsics:
     def size(self) -> tuple[int, int]:
         """Width and height in pixels."""
         return self.width, self.height
+
+    @property
+    def is_possible(self) -> bool:
+        """Whether a camera can have such sizes and lengths."""
+        sizes = 0 < min(self.size) <= max(self.size) <= MOST_SIDE_PX
+        focals = LEAST <= min(self.fx, self.fy) <= max(self.fx, self.fy) < MOST
+        return sizes and focals and max(abs(self.cx), abs(self.cy)) < MOST
 
     def project(self, points_camera: ArrayLike) -> Array:
         """Pixels (..., 2) of points (..., 3) in camera coordinates, distortion not applied.

@@ -6,7 +6,7 @@ import pytest
 
 from vnav.config import CaptureConfig
 from vnav.core import se3
-from vnav.errors import CameraError, CaptureError
+from vnav.errors import CameraError, CaptureError, ConfigError
 from vnav.io.sources.open_capture import open_capture, read_truth, truth_of
 
 CONFIG = CaptureConfig()
@@ -237,6 +237,12 @@ def test_a_missing_camera_is_never_guessed_from_the_folders_name(tmp_path: Path)
     (write_tum(root, ["1.0"], ["1.0"]) / "camera.toml").unlink()
     with pytest.raises(CameraError, match="no camera.toml .*--camera FILE.*tum_fr1"):
         open_capture(root, CONFIG)
+
+
+def test_depth_units_that_nothing_has_are_refused(tmp_path: Path) -> None:
+    root = write_tum(tmp_path, ["1.0"], ["1.0"])
+    with pytest.raises(ConfigError, match=r"units_per_metre to be 0 or at least 0\.001"):
+        open_capture(root, CaptureConfig(units_per_metre=1e-320))
 
 
 def test_depth_units_can_be_set(tmp_path: Path) -> None:

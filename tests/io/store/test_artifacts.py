@@ -220,6 +220,19 @@ def test_the_camera_of_the_map_is_undistorted_and_whole(folder: MapFolder) -> No
     assert artifacts.map_camera(folder).distortion == ()
 
 
+@pytest.mark.parametrize(
+    "change",
+    [{"width": 0}, {"height": 10**9}, {"fx": 0.0}, {"fy": -50.0}, {"fx": 1e-320}, {"cx": 1e300}],
+)
+def test_a_crafted_camera_that_cannot_be_is_named(
+    folder: MapFolder, change: dict[str, Any]
+) -> None:
+    camera = {"width": 64, "height": 48, "fx": 50.0, "fy": 51.0, "cx": 31.5, "cy": 23.5}
+    folder.set_captures([mapped(camera | change)])
+    with pytest.raises(MapError, match=r"expected a camera in .*map\.json, found none that can"):
+        artifacts.map_camera(folder)
+
+
 def cut(path: Path) -> None:
     path.write_bytes(path.read_bytes()[:-30])
 

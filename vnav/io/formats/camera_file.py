@@ -9,14 +9,13 @@ from typing import Any
 
 from vnav.config import preset_cameras
 from vnav.core import se3
-from vnav.core.camera import Camera, Intrinsics
+from vnav.core.camera import LEAST, MOST, MOST_SIDE_PX, Camera, Intrinsics
 from vnav.errors import CameraError
 from vnav.io.files import read_toml
 
 _PINHOLE = ("fx", "fy", "cx", "cy")
 _COLOR_KEYS = ("width", "height", *_PINHOLE, "distortion")
 _DEPTH_KEYS = ("units_per_metre", *_COLOR_KEYS, "T_color_depth")
-_HUGEST = 1e9  # no focal length in pixels, no units a metre, nothing here is as large
 _FARTHEST_M = 1.0  # no depth sensor sits farther from its colour camera
 
 
@@ -137,14 +136,14 @@ def _transform(table: Mapping[str, Any], where: str) -> tuple[tuple[float, ...],
 def _number(table: Mapping[str, Any], key: str, where: str, *, positive: bool = False) -> float:
     kind = "a positive number" if positive else "a number"
     value = _required(table, key, kind, where)
-    if not _are_numbers([value]) or (positive and value <= 0):
+    if not _are_numbers([value]) or (positive and value < LEAST):
         raise CameraError(f"expected {kind} for {key} in {where}, found {value!r}")
     return float(value)
 
 
 def _pixels(table: Mapping[str, Any], key: str, where: str) -> int:
     value = _required(table, key, "a number of pixels", where)
-    if type(value) is not int or value <= 0:
+    if type(value) is not int or not 0 < value <= MOST_SIDE_PX:
         raise CameraError(f"expected a number of pixels for {key} in {where}, found {value!r}")
     return value
 
@@ -157,5 +156,5 @@ def _required(table: Mapping[str, Any], key: str, kind: str, where: str) -> Any:
 
 def _are_numbers(values: Any) -> bool:
     return isinstance(values, list) and all(
-        type(value) in (int, float) and abs(value) < _HUGEST for value in values
+        type(value) in (int, float) and abs(value) < MOST for value in values
     )

@@ -8,9 +8,9 @@ from pathlib import Path
 from typing import Protocol
 
 from vnav.config import CaptureConfig, preset_cameras
-from vnav.core.camera import Camera
+from vnav.core.camera import LEAST, Camera
 from vnav.core.trajectory import Trajectory
-from vnav.errors import CameraError, CaptureError
+from vnav.errors import CameraError, CaptureError, ConfigError
 from vnav.io.formats.camera_file import preset_path, read_camera
 from vnav.io.formats.trajectories import read_tum
 from vnav.io.sources import color_depth, seven_scenes, tum
@@ -105,6 +105,11 @@ def camera_path(path: Path, config: CaptureConfig, camera_file: Path | None = No
 
 def _camera(path: Path, config: CaptureConfig, camera_file: Path | None) -> Camera:
     camera = read_camera(camera_path(path, config, camera_file))
+    if 0 < config.units_per_metre < LEAST:
+        raise ConfigError(
+            f"expected capture.units_per_metre to be 0 or at least {LEAST:g}, found"
+            f" {config.units_per_metre:g}"
+        )
     if config.units_per_metre > 0:
         camera = dataclasses.replace(camera, units_per_metre=config.units_per_metre)
     return camera

@@ -48,8 +48,8 @@ def map_camera(folder: MapFolder, capture: int = 0) -> Intrinsics:
         camera = msgspec.convert(found, Intrinsics)
     except msgspec.ValidationError as error:
         raise MapError(f"expected a camera in {path}, found: {error}; {MEND}") from error
-    if min(camera.width, camera.height, camera.fx, camera.fy) <= 0:
-        raise MapError(f"expected a camera in {path}, found lengths of 0 and less; {MEND}")
+    if not camera.is_possible:
+        raise MapError(f"expected a camera in {path}, found none that can be: {camera}; {MEND}")
     return camera
 
 
