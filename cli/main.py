@@ -86,7 +86,7 @@ def _in_one_line(error: Exception) -> str:
         return f"a library cannot be loaded: {error}; 'vnav doctor' tells more"
     if isinstance(error, OSError):
         where = f"{error.filename}: " if error.filename else ""
-        return f"{where}{error.strerror}; what was finished is kept"
+        return f"{where}{error.strerror or error}; what was finished is kept"
     return " ".join(str(error).split("\n")).strip()
 
 

@@ -134,17 +134,24 @@ def test_who_wants_no_more_results_waits_for_none(work: ModuleType, tmp_path: Pa
     gone(int(at_work.stem))
 
 
-def test_processes_end_with_the_one_that_started_them(work: ModuleType, tmp_path: Path) -> None:
+def test_processes_end_with_the_one_that_started_them_and_leave_nothing(
+    work: ModuleType, tmp_path: Path
+) -> None:
     code = (
         "import pathlib, shouting; from vnav import batch;"
         f"task = shouting.Task('waits for ever', pathlib.Path({str(tmp_path)!r}));"
         "list(batch.run(shouting.shout, [task], jobs=1))"
     )
-    parent = subprocess.Popen([sys.executable, "-P", "-c", code])
+    scratch = tmp_path / "scratch"
+    scratch.mkdir()
+    environment = os.environ | {"TMPDIR": str(scratch)}
+    parent = subprocess.Popen([sys.executable, "-P", "-c", code], env=environment)
     (at_work,) = appeared(tmp_path, "*.at_work", 1)
+    assert list(scratch.iterdir())
     parent.kill()
     parent.wait()
     gone(int(at_work.stem))
+    assert not list(scratch.iterdir())
 
 
 def gone(pid: int) -> None:

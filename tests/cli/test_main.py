@@ -57,6 +57,7 @@ def test_an_error_of_the_system_is_one_line_on_stderr_and_exits_with_1(
 @pytest.mark.parametrize(
     ("error", "said"),
     [
+        (OSError("cannot load libLLVM.so"), "cannot load libLLVM.so; what was finished is kept"),
         (MemoryError(), "expected more memory than there is; what was finished is kept"),
         (
             ImportError("libGL.so.1: none"),

@@ -1,6 +1,7 @@
 """Tasks in processes of their own: one that is killed is followed by another."""
 
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -118,10 +119,11 @@ def child() -> None:
 
 
 def _end_with(parent: Connection) -> None:
-    """A parent says nothing more: what comes is its end."""
+    """A parent says nothing more: what comes is its end, and it cleans up no more."""
     try:
         parent.recv()
     except (EOFError, ConnectionError):
+        shutil.rmtree(os.environ["TMPDIR"], ignore_errors=True)
         os._exit(1)
 
 
