@@ -3,7 +3,7 @@
 #   make test        set-up, the checks of `make check`, all tests that need no capture
 #   make check       doctor, lint, format, types
 #   make bench       speed against peers            make bench-real   all on ../shared/captures
-#   make attack      5,000 hostile inputs, an hour
+#   make attack      5,000 hostile inputs, an hour   make attack-long  kills, full disks, two writers
 #   make results     docs/results.md, of what these two record in benchmarks/results
 #   make pictures    the pictures of README.md and the tutorial, from the demo
 #   make clean       everything that make made
@@ -21,7 +21,7 @@ CAPTURES := ../shared/captures/house ../shared/captures/redkitchen01
 DESK := ../shared/captures/fr1_desk
 SOURCES := find vnav cli configs datasets -type f ! -name '*.pyc'
 
-.PHONY: setup demo pictures test check bench bench-real attack results clean python system links
+.PHONY: setup demo pictures test check bench bench-real attack attack-long results clean python system links
 
 setup: python system links
 
@@ -64,6 +64,9 @@ bench-real: setup
 
 attack: setup
 	$(BIN)/python benchmarks/attack.py --record
+
+attack-long: setup
+	$(BIN)/python benchmarks/attack_long.py --record
 
 results: setup
 	$(BIN)/python benchmarks/make_results.py
