@@ -57,7 +57,7 @@ class Rectifier:
         self._camera = camera
         sensor = camera.color if camera.depth is None else camera.depth
         self._color_maps = _undistortion(camera.color)
-        self._depth_maps = _undistortion(sensor)
+        self._depth_pixels = _nearest(_undistortion(sensor))
         self._warp = None if camera.depth is None else DepthWarp(camera)
 
     def color(self, image: NDArray[np.uint8]) -> NDArray[np.uint8]:
@@ -71,8 +71,8 @@ class Rectifier:
 
     def depth_m(self, raw: StoredDepth) -> NDArray[np.float32]:
         """Depth (H, W) float32 in metres on the pixels of undistorted colour, 0 where none."""
-        if self._depth_maps is not None:
-            raw = cast(StoredDepth, cv2.remap(raw, *self._depth_maps, cv2.INTER_NEAREST))
+        if self._depth_pixels is not None:
+            raw = cast(StoredDepth, cv2.remap(raw, self._depth_pixels, None, cv2.INTER_NEAREST))
         units_per_metre = np.float32(self._camera.units_per_metre)
         depth_m = np.where(raw == _SATURATED, np.float32(0), raw / units_per_metre)
         return depth_m if self._warp is None else self._warp(depth_m)
@@ -113,3 +113,12 @@ def _undistortion(camera: Intrinsics) -> Maps | None:
     maps = cv2.initUndistortRectifyMap(K, distortion, None, K, camera.size, cv2.CV_32FC1)
     fixed, fraction = cv2.convertMaps(*maps, cv2.CV_16SC2)
     return np.asarray(fixed, np.int16), np.asarray(fraction, np.uint16)
+
+
+def _nearest(maps: Maps | None) -> NDArray[np.int16] | None:
+    """The nearest pixels (H, W, 2) x, y of maps: OpenCV before 4.14 does not round them itself."""
+    if maps is None:
+        return None
+    fixed, fraction = maps  # in 1/32 px, of x below that of y
+    steps = np.stack([fraction % 32, fraction // 32], -1)
+    return (fixed + (steps >= 16)).astype(np.int16)
