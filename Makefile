@@ -2,6 +2,8 @@
 #   make demo        make a capture, map it, find a photo in it, plan a path
 #   make test        set-up, the checks of `make check`, all tests that need no capture
 #   make check       doctor, lint, format, types
+#   make test-lower-bounds   the tests with the oldest versions that pyproject.toml allows
+#   make lock        constraints.txt anew: the newest versions that it allows
 #   make bench       speed against peers            make bench-real   all on ../shared/captures
 #   make attack      5,000 hostile inputs, an hour   make attack-long  kills, full disks, two writers
 #   make results     docs/results.md, of what these two record in benchmarks/results
@@ -16,12 +18,14 @@ BIN := $(VENV)/bin
 LIBRARIES := libEGL.so.1 libGL.so.1 libX11.so.6 libidn2.so.0 libstdc++.so.6 libudev.so.1 libusb-1.0.so.0
 PACKAGES := libegl1 libgl1 libx11-6 libidn2-0 libstdc++6 libudev1 libusb-1.0-0
 
-INSTALL := $(BIN)/pip install --quiet --disable-pip-version-check --config-settings editable_mode=strict
+# The versions that are installed; CONSTRAINTS=/dev/null takes the newest that pyproject.toml allows.
+CONSTRAINTS := constraints.txt
+INSTALL := $(BIN)/pip install --quiet --disable-pip-version-check --constraint $(CONSTRAINTS) --config-settings editable_mode=strict
 CAPTURES := ../shared/captures/house ../shared/captures/redkitchen01
 DESK := ../shared/captures/fr1_desk
 SOURCES := find vnav cli configs datasets -type f ! -name '*.pyc'
 
-.PHONY: setup demo pictures test check bench bench-real attack attack-long results clean python system links
+.PHONY: setup demo pictures test test-lower-bounds check lock bench bench-real attack attack-long results clean python system links
 
 setup: python system links
 
@@ -33,6 +37,20 @@ pictures: setup
 
 test: check
 	$(BIN)/pytest -m "not real" -n auto --dist loadfile
+
+test-lower-bounds:
+	@mkdir -p build
+	$(PYTHON) .ci/lower_bounds.py > build/lowest.txt
+	$(MAKE) setup VENV=build/lowest CONSTRAINTS=build/lowest.txt
+	build/lowest/bin/vnav doctor
+	build/lowest/bin/pytest -m "not real" -n auto --dist loadfile
+
+lock:
+	rm -rf build/lock
+	$(MAKE) setup VENV=build/lock CONSTRAINTS=/dev/null
+	{ echo '# What make setup installs, by make lock with $(shell $(PYTHON) --version).'; \
+	build/lock/bin/pip freeze --disable-pip-version-check --all --exclude pip --exclude-editable; } > constraints.txt
+	rm -rf build/lock
 
 check: setup
 	$(BIN)/vnav doctor
@@ -97,7 +115,7 @@ links: $(VENV)/installed
 	$(INSTALL) --no-deps --no-build-isolation --editable . && \
 	$(SOURCES) | LC_ALL=C sort > $(VENV)/files
 
-$(VENV)/installed: pyproject.toml | $(BIN)/pip
+$(VENV)/installed: pyproject.toml $(CONSTRAINTS) | $(BIN)/pip
 	$(INSTALL) --editable '.[test]'
 	@$(SOURCES) | LC_ALL=C sort > $(VENV)/files
 	@touch $@

@@ -1,4 +1,6 @@
 import json
+import re
+import tomllib
 from pathlib import Path
 
 import pytest
@@ -57,6 +59,54 @@ def test_a_library_that_is_not_installed_is_named_with_the_way_to_install_it() -
     check = doctor.library("no-such-library")
     assert (check.ok, check.found) == (False, "not installed")
     assert check.mend.endswith("-m pip install --force-reinstall 'no-such-library'")
+
+
+@pytest.mark.parametrize(
+    ("version", "requirement", "expected"),
+    [
+        ("2.0.0", "numpy>=2.0,<3", True),
+        ("1.26.4", "numpy<3,>=2.0", False),
+        ("3.0.0", "numpy<3,>=2.0", False),
+        ("4.3", "gtsam>=4.3.0,<4.4", True),
+        ("4.10.0.84", "opencv-contrib-python-headless>=4.11.0.86,<5", False),
+        ("4.11.0.86", "opencv-contrib-python-headless>=4.11.0.86,<5", True),
+        ("2.4.6+local.3", "numpy>=2.0,<3", True),
+        ("10.1", "numpy", True),
+    ],
+)
+def test_a_version_fits_where_it_lies_in_the_bounds(
+    version: str, requirement: str, expected: bool
+) -> None:
+    assert doctor.fits(version, requirement) == expected
+
+
+def test_a_version_that_vnav_cannot_use_is_named_with_what_it_needs(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    versions = {"opencv-contrib-python-headless": "4.10.0.84"}
+    monkeypatch.setattr(doctor.metadata, "version", versions.__getitem__)
+    check = doctor.library("opencv-contrib-python-headless")
+    assert not check.ok
+    assert check.found.startswith("4.10.0.84, but vnav needs opencv-contrib-python-headless")
+    assert ">=4.11.0.86" in check.mend
+
+
+def test_every_library_that_vnav_needs_is_looked_at() -> None:
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]
+    needed = {re.split("[<>=]", requirement)[0] for requirement in project["dependencies"]}
+    assert needed - set(doctor.SMALLER_BUILDS.values()) == set(doctor.OWNERS)
+
+
+def test_the_exact_versions_of_the_checkout_lie_in_the_bounds() -> None:
+    lines = (ROOT / "constraints.txt").read_text("utf-8").splitlines()
+    exact = dict(line.split("==") for line in lines if not line.startswith("#"))
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]
+    wanted = [*project["dependencies"], *project["optional-dependencies"]["test"]]
+    known = {re.sub("[-_.]+", "-", name).lower(): version for name, version in exact.items()}
+    for requirement in (line.partition(";")[0] for line in wanted):
+        name = re.split("[<>=]", requirement)[0]
+        if name != "open3d":  # of other platforms
+            assert doctor.fits(known[name], requirement), requirement
 
 
 def test_a_failed_self_test_asks_for_the_same_version_again() -> None:

@@ -16,6 +16,7 @@ from vnav.caches import code_cache
 
 # What answers for a library: the module whose self_test() uses it, "" where its version will do.
 OWNERS = {
+    "click": "",
     "numpy": "",
     "scipy": "",
     "numba": "vnav.compiled",
@@ -26,6 +27,7 @@ OWNERS = {
     "octomap-python": "vnav.volumes.octree",
     "open3d": "vnav.volumes.tsdf",
     "scikit-learn": "vnav.vocabulary",
+    "threadpoolctl": "",
 }
 SMALLER_BUILDS = {"open3d": "open3d-cpu"}  # same library, same import name
 
@@ -60,10 +62,13 @@ def examine() -> list[Check]:
 
 
 def library(distribution: str) -> Check:
-    """Whether a library is installed and its owner's self-test passes."""
-    version = _version(distribution)
+    """Whether a library is installed, of a version vnav can use, and passes its self-test."""
+    version, requirement = _version(distribution), _requirement(distribution)
     if version is None:
-        return Check(distribution, False, "not installed", _install(_requirement(distribution)))
+        return Check(distribution, False, "not installed", _install(requirement))
+    if not fits(version, requirement):
+        found = f"{version}, but vnav needs {requirement}"
+        return Check(distribution, False, found, _install(requirement))
     owner = OWNERS[distribution]
     failure = self_test(owner) if owner else ""
     if failure:
@@ -71,6 +76,20 @@ def library(distribution: str) -> Check:
         repair = mend(failure, f"{name}=={version}")
         return Check(distribution, False, f"{version}, {failure}", repair)
     return Check(distribution, True, version + (", self-test passed" if owner else ""))
+
+
+def fits(version: str, requirement: str) -> bool:
+    """Whether a version lies in the bounds of a requirement, as in ``numpy>=2.0,<3``."""
+    at, bounds = _numbers(version), re.findall(r"(>=|<)([\d.]+)", requirement)
+    return all(at >= _numbers(end) if sign == ">=" else at < _numbers(end) for sign, end in bounds)
+
+
+def _numbers(version: str) -> list[int]:
+    """The numbers that a version begins with, without zeros at the end: 4.3.0 is 4.3."""
+    numbers = [int(number) for number in re.findall(r"\d+", version.partition("+")[0])]
+    while numbers and not numbers[-1]:
+        numbers.pop()
+    return numbers
 
 
 def self_test(owner: str) -> str:
@@ -141,7 +160,13 @@ def _requirement(distribution: str) -> str:
         wanted = metadata.requires("vnav-rgbd") or []
     except metadata.PackageNotFoundError:
         wanted = []
-    return next((line.partition(";")[0] for line in wanted if line.startswith(name)), name)
+    return next((line for line in _plain(wanted) if re.split(r"[<>=]", line)[0] == name), name)
+
+
+def _plain(requirements: Sequence[str]) -> list[str]:
+    """Requirements without the conditions under which they hold, and not those of extras."""
+    parts = (line.partition(";") for line in requirements if "extra ==" not in line)
+    return [requirement.strip() for requirement, _, _ in parts]
 
 
 def _install(requirement: str) -> str:
