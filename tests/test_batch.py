@@ -1,9 +1,11 @@
 """Tasks in this process, in processes and on a cluster: whatever happens, each has one result."""
 
+import errno
 import os
 import signal
 import subprocess
 import sys
+import tempfile
 import time
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -38,6 +40,8 @@ def shout(task, progress):
         file.write(what + "\n")
     if what == "refused":
         raise VnavError("expected better, found worse")
+    if what == "greedy":
+        raise MemoryError
     if what == "bug":
         return 1 / 0
     if what == "killed" or what == "once" and not (task.folder / "killed").exists():
@@ -125,6 +129,23 @@ def test_a_bug_is_a_failure_with_its_traceback_and_looks_like_one_in_this_proces
         results(work, ["bug"], tmp_path)
 
 
+def test_a_task_without_memory_fails_in_one_line(work: ModuleType, tmp_path: Path) -> None:
+    short = Failed("expected memory for it, found none left; run fewer at once")
+    for how in ({}, {"jobs": 1}):
+        assert results(work, ["greedy", "a"], tmp_path, **how) == {"greedy": short, "a": "A"}
+
+
+def test_a_process_that_cannot_be_started_is_a_failure(
+    work: ModuleType, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refuse(*_arguments: Any, **_options: Any) -> None:
+        raise OSError(errno.ENOMEM, os.strerror(errno.ENOMEM))
+
+    monkeypatch.setattr(subprocess, "Popen", refuse)
+    failed = Failed("expected to start a process for it, found: Cannot allocate memory")
+    assert results(work, ["a"], tmp_path, jobs=1) == {"a": failed}
+
+
 def test_who_wants_no_more_results_waits_for_none(work: ModuleType, tmp_path: Path) -> None:
     tasks = [work.Task(name, tmp_path) for name in ("a", "waits for ever", "b")]
     found = batch.run(work.shout, tasks, jobs=2)
@@ -134,24 +155,48 @@ def test_who_wants_no_more_results_waits_for_none(work: ModuleType, tmp_path: Pa
     gone(int(at_work.stem))
 
 
-def test_processes_end_with_the_one_that_started_them_and_leave_nothing(
+def test_processes_and_their_files_end_with_the_one_that_started_them(
     work: ModuleType, tmp_path: Path
 ) -> None:
-    code = (
-        "import pathlib, shouting; from vnav import batch;"
-        f"task = shouting.Task('waits for ever', pathlib.Path({str(tmp_path)!r}));"
-        "list(batch.run(shouting.shout, [task], jobs=1))"
-    )
-    scratch = tmp_path / "scratch"
-    scratch.mkdir()
-    environment = os.environ | {"TMPDIR": str(scratch)}
-    parent = subprocess.Popen([sys.executable, "-P", "-c", code], env=environment)
-    (at_work,) = appeared(tmp_path, "*.at_work", 1)
-    assert list(scratch.iterdir())
+    parent, child = _waiting(tmp_path)
+    (scratch,) = tmp_path.glob("vnav-*")
     parent.kill()
     parent.wait()
-    gone(int(at_work.stem))
-    assert not list(scratch.iterdir())
+    gone(child)
+    assert not scratch.exists()
+
+
+def test_files_of_processes_that_were_all_killed_are_cleared_by_the_next_run(
+    work: ModuleType, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    parent, child = _waiting(tmp_path)
+    (scratch,) = tmp_path.glob("vnav-*")
+    os.utime(scratch, (0, 0))
+    assert results(work, ["a"], tmp_path, jobs=1) == {"a": "A"}
+    assert scratch.exists()  # of processes that live
+    os.kill(child, signal.SIGSTOP)  # it cannot clear up itself
+    parent.kill()
+    parent.wait()
+    os.kill(child, signal.SIGKILL)
+    gone(child)
+    assert scratch.exists()
+    os.utime(scratch, (0, 0))
+    assert results(work, ["a"], tmp_path, jobs=1) == {"a": "A"}
+    assert not list(tmp_path.glob("vnav-*"))
+
+
+def _waiting(folder: Path) -> tuple[subprocess.Popen[bytes], int]:
+    """A process that runs a task in another, its temporary files in a folder; that one's number."""
+    code = (
+        "import pathlib, shouting; from vnav import batch;"
+        f"task = shouting.Task('waits for ever', pathlib.Path({str(folder)!r}));"
+        "list(batch.run(shouting.shout, [task], jobs=1))"
+    )
+    environment = os.environ | {"TMPDIR": str(folder)}
+    parent = subprocess.Popen([sys.executable, "-P", "-c", code], env=environment)
+    (at_work,) = appeared(folder, "*.at_work", 1)
+    return parent, int(at_work.stem)
 
 
 def gone(pid: int) -> None:

@@ -5,15 +5,15 @@ import shutil
 import signal
 import subprocess
 import sys
-import tempfile
 import threading
 import time
+from contextlib import suppress
 from dataclasses import dataclass
 from multiprocessing import Pipe
 from multiprocessing.connection import Connection
-from pathlib import Path
 from typing import Any
 
+from vnav.batch.scratch import clear_abandoned, scratch
 from vnav.batch.task import Function, ResultT, TaskT
 from vnav.core.progress import Progress
 from vnav.core.report import Failed
@@ -39,13 +39,18 @@ class Children:
     def __init__(self) -> None:
         self._alive: set[subprocess.Popen[bytes]] = set()
         self._killed = False
+        with suppress(OSError):  # no temporary folder: each task will say so
+            clear_abandoned()
 
     def run(
         self, function: Function[TaskT, ResultT], task: TaskT, progress: Progress
     ) -> ResultT | Failed:
         """The result of a task; a process that is killed is followed by another."""
         for _ in range(ATTEMPTS):
-            result = self._attempt(function, task, progress)
+            try:
+                result = self._attempt(function, task, progress)
+            except OSError as error:  # no memory or no room on the disk
+                return Failed(f"expected to start a process for it, found: {error.strerror}")
             if not isinstance(result, signal.Signals) or self._killed:
                 break
         if not isinstance(result, signal.Signals):
@@ -66,10 +71,10 @@ class Children:
     ) -> ResultT | Failed | signal.Signals:
         """The result, or the signal that ended the process; temporary files go with it."""
         ours, theirs = Pipe()
-        with tempfile.TemporaryDirectory(prefix="vnav-") as scratch, ours:
-            said = Path(scratch) / "said"
+        with scratch() as folder, ours:
+            said = folder / "said"
             command = [sys.executable, "-P", "-c", CHILD, str(theirs.fileno())]
-            environment = os.environ | {"TMPDIR": scratch}
+            environment = os.environ | {"TMPDIR": str(folder)}
             with said.open("wb") as file:
                 process = subprocess.Popen(
                     command,
@@ -130,11 +135,13 @@ def _end_with(parent: Connection) -> None:
 def outcome(
     function: Function[TaskT, ResultT], task: TaskT, progress: Progress
 ) -> ResultT | Failed:
-    """The function's result, or the VnavError that it ended with."""
+    """The function's result, or the VnavError that it ended with; so for want of memory."""
     try:
         return function(task, progress)
     except VnavError as error:
         return Failed(str(error))
+    except MemoryError:
+        return Failed("expected memory for it, found none left; run fewer at once")
 
 
 def _bug(said: str) -> Failed:

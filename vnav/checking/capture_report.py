@@ -4,6 +4,7 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 from vnav.checking import rules
+from vnav.checking.machine import require_address_space
 from vnav.checking.quality import (
     FileFindings,
     FrameFindings,
@@ -92,7 +93,11 @@ def require_depth(capture: Capture) -> None:
 def require_usable(
     capture: Capture, *, force: bool = False, progress: Progress = silent
 ) -> CaptureReport:
-    """The report of a capture that can be mapped; CaptureError says why where it cannot."""
+    """The report of a capture that can be mapped; CaptureError says why where it cannot.
+
+    VnavError where this machine cannot.
+    """
+    require_address_space()
     report = inspect(capture, progress=progress)
     found = problems(report, force=force)
     if found:
