@@ -142,7 +142,11 @@ def test_an_unknown_setting_is_named_before_any_work(vnav: Vnav, capture: Path) 
 
 @pytest.mark.parametrize(
     "setting",
-    ["registration.ratio=-5", "fuse.voxel_m=0", "locate.min_confidence=7", "locate.solver=foo"],
+    [
+        *("registration.ratio=-5", "fuse.voxel_m=0", "locate.min_confidence=7"),
+        *("registration.ransac_threshold_px=-1", "locate.ransac_threshold_px=-1"),
+        *("fuse.octree_m=-1", "locate.min_confidence=nan", "locate.solver=foo"),
+    ],
 )
 @pytest.mark.parametrize(
     "command",
