@@ -80,6 +80,8 @@ def test_thresholds_divide_grey_values(tmp_path: Path) -> None:
         (("-2, 0]", "-2]"), "unpack"),
         (("mode: trinary", "mode: scale"), "mode scale"),
         (('"map.pgm"', "gone.pgm"), "gone.pgm"),
+        (('"map.pgm"', "a\0b.pgm"), "a name that no file can have"),
+        (('"map.pgm"', "/dev/zero"), "no regular file"),
     ],
 )
 def test_a_description_that_cannot_be_followed_is_named(

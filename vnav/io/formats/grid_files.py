@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from vnav.core.grid import FREE, OCCUPIED, UNKNOWN, Grid
 from vnav.errors import MapError
-from vnav.io.files import write_text
+from vnav.io.files import read_bytes, read_text, write_text
 
 # Grey values of FREE, OCCUPIED, UNKNOWN, WALKED: map_server's own
 _GRID = np.array([254, 0, 205, 205], np.uint8)
@@ -74,7 +74,7 @@ def read_grid(path: Path) -> Grid:
 def _values(path: Path) -> dict[str, str]:
     """The plain ``key: value`` lines that map_server's files are made of."""
     try:
-        text = path.read_text("utf-8")
+        text = read_text(path)
     except (OSError, UnicodeDecodeError) as error:
         raise MapError(
             f"expected a grid's YAML file in {path}, found: {error}; {_ADVICE}"
@@ -85,7 +85,7 @@ def _values(path: Path) -> dict[str, str]:
 
 def _pixels(path: Path) -> NDArray[np.uint8]:
     try:
-        data = np.fromfile(path, np.uint8)
+        data = np.frombuffer(read_bytes(path), np.uint8)
     except OSError as error:
         raise MapError(f"expected a grid's image in {path}, found: {error}; {_ADVICE}") from error
     pixels = cv2.imdecode(data, cv2.IMREAD_GRAYSCALE) if len(data) else None
