@@ -146,6 +146,23 @@ def test_a_run_of_another_version_is_not_taken(
     assert not runs.finished_before(tmp_path, [kept.task])
 
 
+@pytest.mark.parametrize("text", ["", "[]", "{}", "[" * 10_000, '{"asked": {}, "values": 1}'])
+def test_a_damaged_run_is_not_taken(tmp_path: Path, text: str) -> None:
+    kept = outcome("a", 0, 0.01)
+    runs.save(tmp_path, kept)
+    (path,) = tmp_path.rglob("run.json")
+    path.write_text(text)
+    assert not runs.finished_before(tmp_path, [kept.task])
+
+
+def test_a_run_without_its_trajectory_is_not_taken(tmp_path: Path) -> None:
+    kept = outcome("a", 0, 0.01)
+    runs.save(tmp_path, kept)
+    (path,) = tmp_path.rglob("trajectory.tum")
+    path.write_text("1 2 3")
+    assert not runs.finished_before(tmp_path, [kept.task])
+
+
 def test_a_run_that_failed_is_not_taken_and_replaces_one_that_did_not(tmp_path: Path) -> None:
     runs.save(tmp_path, outcome("a", 0, 0.01))
     runs.save(tmp_path, outcome("a", 0, None))

@@ -1,4 +1,6 @@
 import shutil
+from collections.abc import Callable
+from contextlib import AbstractContextManager
 from pathlib import Path
 
 import numpy as np
@@ -6,6 +8,7 @@ import pytest
 
 from vnav.config import Config, IndexConfig
 from vnav.errors import MapError, StaleArtifact
+from vnav.io.formats.arrays_file import load_arrays, save_arrays
 from vnav.io.store.artifacts import load_optimised
 from vnav.io.store.index_file import load_index
 from vnav.io.store.map_folder import MapFolder
@@ -35,7 +38,7 @@ def test_landmarks_of_what_has_departed_are_kept_and_not_matched(
 ) -> None:
     landmarks = load_optimised(folder).landmarks
     departed = np.arange(len(landmarks)) % 10 == 0
-    monkeypatch.setattr(index, "load_departed", lambda _: departed)
+    monkeypatch.setattr(index, "load_departed", lambda *_: departed)
     report = index.run(folder, Config())
     found = load_index(folder, load_tree(folder))
     np.testing.assert_array_equal(found.retired, departed)
@@ -45,6 +48,26 @@ def test_landmarks_of_what_has_departed_are_kept_and_not_matched(
     assert report.values["retired"] == departed.sum()
     assert f"{departed.sum()} are retired" in report.lines[0]
     assert report.values["keyframes_found"] == 5
+
+
+@pytest.mark.parametrize(
+    ("stage", "file", "column"),
+    [("optimise", "map.npz", "feature"), ("fuse", "departed.npz", "landmarks")],
+)
+def test_crafted_landmarks_are_refused(
+    folder: MapFolder,
+    altering: Callable[[MapFolder, str], AbstractContextManager[Path]],
+    stage: str,
+    file: str,
+    column: str,
+) -> None:
+    with altering(folder, stage) as draft:
+        arrays = load_arrays(draft / file, "")
+        values = arrays[column]
+        changed = values[:-1] if column == "landmarks" else values + 10**6
+        save_arrays(draft / file, **arrays | {column: changed})
+    with pytest.raises(MapError, match=rf"expected .*{file}"):
+        index.run(folder, Config())
 
 
 def test_keyframes_are_found_again(folder: MapFolder) -> None:

@@ -4,6 +4,8 @@ import dataclasses
 import json
 import os
 import shutil
+from collections.abc import Callable
+from contextlib import AbstractContextManager
 from pathlib import Path
 
 import numpy as np
@@ -15,6 +17,8 @@ from vnav.core.camera import Intrinsics
 from vnav.core.frame import Edge
 from vnav.core.graph import chain, shortest_paths
 from vnav.core.mapping import LOST, Odometry, OptimisedMap
+from vnav.errors import MapError
+from vnav.io.formats.arrays_file import save_arrays
 from vnav.io.formats.trajectories import read_tum
 from vnav.io.sources.open_capture import open_capture
 from vnav.io.store.artifacts import (
@@ -396,3 +400,16 @@ def test_keyframes_on_either_side_of_loose_edges_are_held_by_them(
     found = se3.inverse(solved.poses[before]) @ solved.poses[after]
     # Edges between two frames differ by a millimetre or two from the poses they make.
     np.testing.assert_allclose(found, exact, atol=0.005)
+
+
+def test_crafted_matches_of_loops_are_refused(
+    folder: MapFolder,
+    altering: Callable[[MapFolder, str], AbstractContextManager[Path]],
+    tmp_path: Path,
+) -> None:
+    copy = MapFolder(tmp_path / "map")
+    shutil.copytree(folder.root, copy.root)
+    with altering(copy, "loops") as draft:
+        save_arrays(draft / "matches.npz", matches=np.array([[0, 10**6, 1, 0]]))
+    with pytest.raises(MapError, match=r"features that keyframes have in .*matches\.npz"):
+        optimise.run(copy, dataclasses.replace(CONFIG, seed=1))

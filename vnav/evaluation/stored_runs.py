@@ -6,15 +6,25 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any, TypedDict
 
 import numpy as np
 
 from vnav.core.report import Failed
-from vnav.errors import VnavError
+from vnav.errors import TrajectoryError, VnavError
 from vnav.evaluation.sequence import SequenceRun, SequenceTask
 from vnav.io.files import write_text
 from vnav.io.formats.trajectories import read_tum, write_tum
 from vnav.io.store.map_folder import to_json
+from vnav.io.store.records import read_json
+
+
+class _KeptRun(TypedDict):
+    """What run.json says."""
+
+    asked: dict[str, Any]
+    values: dict[str, Any]
+    closures_s: list[tuple[float, float]]
 
 
 @dataclass(frozen=True)
@@ -68,10 +78,13 @@ def _kept(out: Path, task: SequenceTask) -> SequenceRun | None:
     path = folder / "run.json"
     if not path.is_file():
         return None
-    kept = json.loads(path.read_text("utf-8"))
+    try:
+        kept = read_json(path, _KeptRun)
+        trajectory, truth = read_tum(folder / "trajectory.tum"), read_tum(folder / "truth.tum")
+    except (OSError, ValueError, TrajectoryError):  # damaged: it is run again
+        return None
     if kept["asked"] != json.loads(to_json(task.asked())):
         return None
-    trajectory, truth = read_tum(folder / "trajectory.tum"), read_tum(folder / "truth.tum")
     return SequenceRun(
         kept["values"], trajectory, truth, np.array(kept["closures_s"]).reshape(-1, 2)
     )

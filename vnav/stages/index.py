@@ -9,7 +9,13 @@ from vnav.core.mapping import Odometry, OptimisedMap
 from vnav.core.progress import Progress, silent
 from vnav.core.report import Report
 from vnav.core.voxels import Voxels
-from vnav.io.store.artifacts import load_departed, load_odometry, load_optimised, map_camera
+from vnav.io.store.artifacts import (
+    load_departed,
+    load_odometry,
+    load_optimised,
+    map_camera,
+    require_features,
+)
 from vnav.io.store.index_file import write_index
 from vnav.io.store.map_folder import MapFolder
 from vnav.io.store.stage_reports import clock, finished, reused, settings_of
@@ -37,7 +43,9 @@ def run(folder: MapFolder, config: Config, *, progress: Progress = silent) -> Re
     if folder.is_current(STAGE, settings, inputs):
         return reused(folder, STAGE)
     odometry, optimised, tree = load_odometry(folder), load_optimised(folder), load_tree(folder)
-    keyframes, retired = _mapped(folder, odometry, optimised), load_departed(folder)
+    seen = optimised.landmarks
+    require_features(odometry, seen.keyframe, seen.feature, folder.root / "optimise" / "map.npz")
+    keyframes, retired = _mapped(folder, odometry, optimised), load_departed(folder, len(seen))
 
     progress(STAGE, 0, 1)
     rng = np.random.default_rng([config.seed, 3])

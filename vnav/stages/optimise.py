@@ -24,6 +24,7 @@ from vnav.io.store.artifacts import (
     load_loops,
     load_odometry,
     map_cameras,
+    require_features,
     save_mended_edges,
     save_optimised,
     save_verdicts,
@@ -53,6 +54,8 @@ def run(folder: MapFolder, config: Config, *, progress: Progress = silent) -> Re
         return reused(folder, STAGE)
     odometry, cameras = load_odometry(folder), map_cameras(folder)
     (closures, matches), verdicts = load_loop_edges(folder), load_loops(folder, "loops")
+    for pair in (matches[:, :2], matches[:, 2:]):
+        require_features(odometry, pair[:, 0], pair[:, 1], folder.root / "loops" / "matches.npz")
 
     farthest = config.odometry.max_depth_m
     views = partial(load_keyframe, folder, frames=odometry.frames)

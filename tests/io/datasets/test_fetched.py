@@ -119,6 +119,14 @@ def test_an_archive_that_is_another_than_at_first_is_told_and_not_unpacked(
     assert names(tmp_path) == {NAME, f"{NAME}.json"}
 
 
+@pytest.mark.parametrize("record", ["{}", "[]", '{"files": 1}', "[" * 10_000, "null"])
+def test_a_damaged_record_is_named(sequence: PublicSequence, tmp_path: Path, record: str) -> None:
+    fetch(sequence, tmp_path)
+    (tmp_path / f"{NAME}.json").write_text(record)
+    with pytest.raises(DatasetError, match=rf"expected the record of .*{NAME}\.json, found: "):
+        verify(sequence, tmp_path)
+
+
 def test_a_published_checksum_is_held_against_the_archive(
     sequence: PublicSequence, archive: bytes, tmp_path: Path
 ) -> None:

@@ -233,6 +233,16 @@ def test_a_crafted_camera_that_cannot_be_is_named(
         artifacts.map_camera(folder)
 
 
+@pytest.mark.parametrize(("keyframe", "feature"), [(2, 0), (0, 7), (1, 6)])
+def test_features_that_keyframes_do_not_have_are_named(keyframe: int, feature: int) -> None:
+    tracked = odometry()  # two keyframes, of 7 and 6 features
+    right = np.array([0, 1]), np.array([6, 5])
+    artifacts.require_features(tracked, *right, Path("matches.npz"))
+    wrong = np.array([0, keyframe]), np.array([6, feature])
+    with pytest.raises(MapError, match=r"features that keyframes have in matches\.npz"):
+        artifacts.require_features(tracked, *wrong, Path("matches.npz"))
+
+
 def cut(path: Path) -> None:
     path.write_bytes(path.read_bytes()[:-30])
 

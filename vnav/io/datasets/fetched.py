@@ -1,12 +1,11 @@
 """Public sequences on this machine: fetched whole or not at all, and checked."""
 
 import hashlib
-import json
 import os
 import shutil
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import TypedDict
 
 from vnav.caches import user_cache
 from vnav.core.progress import Progress, silent
@@ -16,6 +15,20 @@ from vnav.io.datasets.download import download
 from vnav.io.datasets.unpack import Manifest, unpack
 from vnav.io.files import write_text
 from vnav.io.store.map_folder import to_json
+from vnav.io.store.records import read_json
+
+
+class _ArchiveRecord(TypedDict):
+    bytes: int
+    sha256: str
+
+
+class _FetchRecord(TypedDict):
+    """What was fetched, and what it held."""
+
+    url: str
+    archive: _ArchiveRecord
+    files: Manifest
 
 
 @dataclass(frozen=True)
@@ -77,7 +90,7 @@ def fetch(sequence: PublicSequence, root: Path, progress: Progress = silent) -> 
 
 def verify(sequence: PublicSequence, root: Path) -> Verdict:
     """Compare every file of a fetched sequence with what was unpacked; files beside are ignored."""
-    files: Manifest = _record(sequence, root)["files"]
+    files = _record(sequence, root)["files"]
     folder = root / sequence.name
     missing = [name for name in files if not (folder / name).is_file()]
     damaged = [
@@ -142,16 +155,15 @@ def _top(draft: Path, files: Manifest) -> tuple[Path, Manifest]:
     return entries[0], {name.removeprefix(prefix): about for name, about in files.items()}
 
 
-def _record(sequence: PublicSequence, root: Path) -> dict[str, Any]:
+def _record(sequence: PublicSequence, root: Path) -> _FetchRecord:
     path = _record_path(sequence, root)
     try:
-        record: dict[str, Any] = json.loads(path.read_text("utf-8"))
+        return read_json(path, _FetchRecord)
     except (OSError, ValueError) as error:
         raise DatasetError(
             f"expected the record of {sequence.name} in {path}, found: {error}; remove it and"
             f" {root / sequence.name}, and run 'vnav datasets fetch {sequence.name}'"
         ) from error
-    return record
 
 
 def _record_path(sequence: PublicSequence, root: Path) -> Path:

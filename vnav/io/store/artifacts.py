@@ -34,6 +34,7 @@ from vnav.io.formats.grid_files import read_grid, write_grid, write_walked
 from vnav.io.formats.ply import read_cloud, read_mesh
 from vnav.io.formats.trajectories import read_tum
 from vnav.io.store.map_folder import MapFolder, to_json
+from vnav.io.store.records import read_json
 from vnav.io.store.schemas import load_table
 
 Kind = TypeVar("Kind")
@@ -221,6 +222,16 @@ def load_loop_edges(folder: MapFolder) -> tuple[tuple[Edge, ...], NDArray[np.int
     return edges, _load(folder, "loops", "matches")["matches"]
 
 
+def require_features(
+    odometry: Odometry, keyframe: NDArray[np.integer], feature: NDArray[np.integer], where: Path
+) -> None:
+    """MapError where a file names features (M,) that their keyframes (M,) do not have."""
+    counts = np.array([len(k.features) for k in odometry.keyframes], np.int64)
+    known = keyframe < len(counts)
+    if not known.all() or (feature >= counts[keyframe]).any():
+        raise MapError(f"expected features that keyframes have in {where}, found others; {MEND}")
+
+
 def save_optimised(draft: Path, result: OptimisedMap) -> None:
     """Write poses, covariances, landmarks and the world."""
     save_arrays(
@@ -247,9 +258,9 @@ def save_departed(draft: Path, landmarks: NDArray[np.bool_]) -> None:
     save_arrays(draft / "departed.npz", landmarks=landmarks)
 
 
-def load_departed(folder: MapFolder) -> NDArray[np.bool_]:
-    """Which landmarks (L,) of the map have departed, by the fuse stage."""
-    return _load(folder, "fuse", "departed")["landmarks"]
+def load_departed(folder: MapFolder, landmarks: int) -> NDArray[np.bool_]:
+    """Which landmarks (L,) of the map have departed, by the fuse stage; there are so many."""
+    return _load(folder, "fuse", "departed", L=landmarks)["landmarks"]
 
 
 def save_mended_edges(draft: Path, edges: Iterable[Edge]) -> None:
@@ -359,6 +370,6 @@ def _load(folder: MapFolder, stage: str, name: str, **sizes: int) -> Arrays:
 def _load_json(folder: MapFolder, stage: str, name: str, kind: type[Kind]) -> Kind:
     path = folder.file(stage, f"{name}.json")
     try:
-        return msgspec.json.decode(path.read_bytes(), type=kind)
-    except (OSError, ValueError, RecursionError) as error:
+        return read_json(path, kind)
+    except (OSError, ValueError) as error:
         raise MapError(f"expected JSON of a {stage} in {path}, found: {error}; {MEND}") from error

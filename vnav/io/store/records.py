@@ -1,11 +1,12 @@
 """What a map's JSON files hold, by type: a crafted one is refused before anything relies on it."""
 
-from pathlib import PurePosixPath
+from pathlib import Path, PurePosixPath
 from typing import Any, TypedDict, TypeVar
 
 import msgspec
 
 from vnav.errors import MapError
+from vnav.io.files import read_bytes
 
 Kind = TypeVar("Kind")
 PoseRow = tuple[float, float, float, float]
@@ -51,6 +52,14 @@ class VerdictNote(TypedDict):
 
     verdict: str
     doubts: list[str]
+
+
+def read_json(path: Path, kind: type[Kind]) -> Kind:
+    """What a JSON file holds; OSError, or ValueError where it is nothing of that kind."""
+    try:
+        return msgspec.json.decode(read_bytes(path), type=kind)
+    except RecursionError as error:
+        raise ValueError("values within values within values") from error
 
 
 def checked(values: Any, kind: type[Kind], where: object) -> Kind:
