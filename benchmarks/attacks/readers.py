@@ -171,7 +171,6 @@ hold_out_every = 5
 settings = {fuse = {voxel_m = 0.05}}
 peers = [{system = "x", source = "y", ate_m = 0.01}]
 """
-FORMATS = "formats."
 KINDS = {
     "a camera": Kind(
         function("formats.camera_file", "read_camera"),
@@ -200,13 +199,15 @@ KINDS = {
         function("formats.ply", "read_mesh"), the_file("map/fuse/mesh.ply"), ".mesh.ply"
     ),
     "arrays": Kind(arrays_of, the_file("map/optimise/map.npz"), ".npz"),
-    "a PNG": Kind(function("formats.images", "read_image"), an_image(".png"), ".png"),
-    "depth": Kind(function("formats.images", "read_depth"), a_depth_image, ".depth.png"),
+    "a PNG": Kind(function("formats.images", "read_image"), an_image(".png"), ".png", checked=True),
+    "depth": Kind(
+        function("formats.images", "read_depth"), a_depth_image, ".depth.png", checked=True
+    ),
     "a JPEG": Kind(function("formats.images", "read_image"), an_image(".jpg"), ".jpg"),
     "a size": Kind(function("formats.images", "image_size"), an_image(".jpg"), ".size.jpg"),
     "a TIFF": Kind(function("formats.images", "read_image"), an_image(".tif"), ".tif"),
     "a WebP": Kind(function("formats.images", "read_image"), an_image(".webp"), ".webp"),
     "a BMP": Kind(function("formats.images", "read_image"), an_image(".bmp"), ".bmp"),
     "EXIF": Kind(function("photos.exif", "read_exif"), the_file("photos/000.jpg"), ".exif.jpg"),
-    "an archive": Kind(an_archive, packed, ".tgz"),
+    "an archive": Kind(an_archive, packed, ".tgz", checked=True),
 }
