@@ -6,7 +6,6 @@ import resource
 import signal
 import subprocess
 import sys
-import tempfile
 import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -28,43 +27,39 @@ def run(
     """What a command in a folder came to."""
     changed = {**os.environ, **suffered.environment}
     environment = {name: value for name, value in changed.items() if value is not None}
-    with tempfile.TemporaryFile() as out, tempfile.TemporaryFile() as err:
-        process = subprocess.Popen(
-            [str(VNAV), *arguments],
-            cwd=folder,
-            env=environment,
-            stdin=subprocess.DEVNULL,
-            stdout=out,
-            stderr=err,
-            preexec_fn=before(suffered),
-            start_new_session=True,
-        )
-        ended = waited(process, seconds, suffered)
-        texts = []
-        for file in (out, err):
-            file.seek(0)
-            texts.append(file.read().decode("utf-8", "replace"))
-    code = process.returncode
-    if not ended and code < 0:
-        ended = f"a crash: {name_of(code)}"
-    return Result(code, *texts, ended)
+    process = subprocess.Popen(
+        [str(VNAV), *arguments],
+        cwd=folder,
+        env=environment,
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.PIPE,  # no files, for their size may be limited
+        stderr=subprocess.PIPE,
+        preexec_fn=before(suffered),
+        start_new_session=True,
+    )
+    said, ended = waited(process, seconds, suffered)
+    if not ended and process.returncode < 0:
+        ended = f"a crash: {name_of(process.returncode)}"
+    out, err = (text.decode("utf-8", "replace") for text in said)
+    return Result(process.returncode, out, err, ended)
 
 
-def waited(process: "subprocess.Popen[bytes]", seconds: float, suffered: Disturbance) -> str:
-    """Wait for a process, with a signal meanwhile; what ended it where it did not itself."""
+def waited(
+    process: "subprocess.Popen[bytes]", seconds: float, suffered: Disturbance
+) -> tuple[tuple[bytes, bytes], str]:
+    """What a process says, with a signal meanwhile; what ended it where it did not itself."""
     begun = time.monotonic()
     try:
         if suffered.signal_s is not None:
             try:
-                process.wait(suffered.signal_s)
+                return process.communicate(timeout=suffered.signal_s), ""
             except subprocess.TimeoutExpired:
                 process.send_signal(suffered.signal)
-        process.wait(max(1.0, seconds - (time.monotonic() - begun)))
+        left_s = max(1.0, seconds - (time.monotonic() - begun))
+        return process.communicate(timeout=left_s), ""
     except subprocess.TimeoutExpired:
         os.killpg(process.pid, signal.SIGKILL)
-        process.wait()
-        return f"a hang: more than {seconds:g} s"
-    return ""
+        return process.communicate(), f"a hang: more than {seconds:g} s"
 
 
 def before(suffered: Disturbance) -> Callable[[], None]:
