@@ -36,6 +36,7 @@ COMMANDS = {
     "demo": "demo",
     "doctor": "doctor",
 }
+NO_THREAD = "can't start new thread"  # Python's RuntimeError where memory is short
 LAST_STREAM = 2  # descriptor of stderr
 
 
@@ -78,10 +79,13 @@ def _open_closed_streams() -> None:
             setattr(sys, name, Path(os.devnull).open("w"))  # noqa: SIM115 - for good
 
 
-def _in_one_line(error: Exception) -> str:
-    """What is said of an error that is no bug; some libraries tell theirs in several lines."""
-    if isinstance(error, MemoryError):
+def _in_one_line(error: Exception) -> str | None:
+    """What is said of an error, None of a bug; some libraries tell theirs in several lines."""
+    is_bug = isinstance(error, ModuleNotFoundError | RuntimeError)
+    if isinstance(error, MemoryError) or str(error) == NO_THREAD:
         return "expected more memory than there is; what was finished is kept"
+    if is_bug:
+        return None
     if isinstance(error, ImportError):
         return f"a library cannot be loaded: {error}; 'vnav doctor' tells more"
     if isinstance(error, OSError):
@@ -103,17 +107,18 @@ def main() -> int:
     except BrokenPipeError:  # whoever read has enough; so does click end
         _close_stdout()
         return 1
-    except ModuleNotFoundError:  # a bug
-        raise
-    except (VnavError, OSError, MemoryError, ImportError) as error:
+    except click.Abort:  # a RuntimeError, too
+        click.echo("vnav: interrupted; what was finished is kept", err=True)
+        return 130
+    except (VnavError, OSError, MemoryError, ImportError, RuntimeError) as error:
+        told = _in_one_line(error)
+        if told is None:
+            raise
         if isinstance(error, OSError):
             _close_stdout()
-        say(f"vnav: {_in_one_line(error)}", err=True)
+        say(f"vnav: {told}", err=True)
         return 1
     except click.ClickException as error:
         error.show()
         return error.exit_code
-    except click.Abort:
-        click.echo("vnav: interrupted; what was finished is kept", err=True)
-        return 130
     return result if isinstance(result, int) else 0

@@ -58,6 +58,7 @@ def test_an_error_of_the_system_is_one_line_on_stderr_and_exits_with_1(
     ("error", "said"),
     [
         (OSError("cannot load libLLVM.so"), "cannot load libLLVM.so; what was finished is kept"),
+        (RuntimeError("can't start new thread"), "expected more memory than there is; what"),
         (MemoryError(), "expected more memory than there is; what was finished is kept"),
         (
             ImportError("libGL.so.1: none"),
@@ -77,9 +78,12 @@ def test_what_the_machine_lacks_is_one_line(
     assert told.count("\n") == 1
 
 
-def test_a_missing_module_of_its_own_is_a_bug(monkeypatch: pytest.MonkeyPatch) -> None:
-    with pytest.raises(ModuleNotFoundError):
-        run(monkeypatch, ModuleNotFoundError("vnav.io.nothing"))
+@pytest.mark.parametrize("bug", [ModuleNotFoundError("vnav.io.nothing"), RuntimeError("a bug")])
+def test_other_errors_of_these_kinds_are_bugs(
+    monkeypatch: pytest.MonkeyPatch, bug: Exception
+) -> None:
+    with pytest.raises(type(bug)):
+        run(monkeypatch, bug)
 
 
 def test_a_bug_keeps_its_traceback(monkeypatch: pytest.MonkeyPatch) -> None:
