@@ -176,6 +176,8 @@ def test_files_of_processes_that_were_all_killed_are_cleared_by_the_next_run(
     assert results(work, ["a"], tmp_path, jobs=1) == {"a": "A"}
     assert scratch.exists()  # of processes that live
     os.kill(child, signal.SIGSTOP)  # it cannot clear up itself
+    while _is_running(child):
+        time.sleep(0.01)
     parent.kill()
     parent.wait()
     os.kill(child, signal.SIGKILL)
@@ -184,6 +186,12 @@ def test_files_of_processes_that_were_all_killed_are_cleared_by_the_next_run(
     os.utime(scratch, (0, 0))
     assert results(work, ["a"], tmp_path, jobs=1) == {"a": "A"}
     assert not list(tmp_path.glob("vnav-*"))
+
+
+def _is_running(process: int) -> bool:
+    """Whether any thread of a process was not stopped yet."""
+    states = Path(f"/proc/{process}/task").glob("*/stat")
+    return any(path.read_text().rpartition(")")[2].split()[0] != "T" for path in states)
 
 
 def _waiting(folder: Path) -> tuple[subprocess.Popen[bytes], int]:
