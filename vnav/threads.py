@@ -1,4 +1,4 @@
-"""Limits of the threads that native libraries use, shared by all calls that need them.
+"""Limits of the threads that native libraries use, and what each of vnav's own has for itself.
 
 The sums of BLAS, and the clusters of k-means, depend on the number of threads; vnav spreads frames
 over cores instead. Environment variables come too late where numpy is loaded already.
@@ -6,9 +6,26 @@ over cores instead. Environment variables come too late where numpy is loaded al
 
 from collections.abc import Callable
 from contextlib import ContextDecorator
-from threading import Lock
+from threading import Lock, local
+from typing import Generic, TypeVar
 
+Made = TypeVar("Made")
 Undo = Callable[[], None]
+
+
+class PerThread(Generic[Made]):
+    """What threads cannot share: each has one of its own, which is made when it first asks."""
+
+    def __init__(self, make: Callable[[], Made]) -> None:
+        self._make = make
+        self._own = local()
+
+    def __call__(self) -> Made:
+        """Make it, or return what this thread made before."""
+        if not hasattr(self._own, "made"):
+            self._own.made = self._make()
+        made: Made = self._own.made
+        return made
 
 
 class SharedLimit(ContextDecorator):

@@ -62,6 +62,13 @@ class SiftConfig(Section, path="features.sift"):
     root_sift: bool = flag(True, "RootSIFT descriptors instead of plain SIFT")
 
 
+def corner_threshold() -> int:
+    """Declare by how much the pixels on a corner's circle differ from its centre."""
+    return whole(
+        20, "[1, 255]", "grey levels", "a corner is so much brighter or darker than its circle"
+    )
+
+
 @dataclass(frozen=True)
 class OrbConfig(Section, path="features.orb"):
     """The front-end ORB."""
@@ -73,9 +80,7 @@ class OrbConfig(Section, path="features.orb"):
         "levels of the image pyramid; corners of coarser ones are less exact",
     )
     scale_factor: float = number(1.2, "[1.01, 2]", "ratio", "size of a level to that of the next")
-    threshold: int = whole(
-        20, "[1, 255]", "grey levels", "a corner is so much brighter or darker than its circle"
-    )
+    threshold: int = corner_threshold()
     weak_threshold: int = whole(
         7,
         "[1, 255]",
@@ -89,9 +94,7 @@ class OrbConfig(Section, path="features.orb"):
 class BriskConfig(Section, path="features.brisk"):
     """The front-end BRISK."""
 
-    threshold: int = whole(
-        20, "[1, 255]", "grey levels", "a corner is so much brighter or darker than its circle"
-    )
+    threshold: int = corner_threshold()
     octaves: int = whole(3, "[0, 8]", "octaves", "octaves of the scale space")
 
 
@@ -99,9 +102,7 @@ class BriskConfig(Section, path="features.brisk"):
 class FastConfig(Section, path="features.fast"):
     """The front-end of improved FAST corners."""
 
-    threshold: int = whole(
-        20, "[1, 255]", "grey levels", "a corner is so much brighter or darker than its circle"
-    )
+    threshold: int = corner_threshold()
     arc: int = whole(
         9, "[9, 12]", "px", "pixels side by side on the circle of 16 that make a corner"
     )

@@ -4,9 +4,6 @@ Sources: [000 eq 1 to 3]; Calonder, Lepetit, Strecha, Fua, "BRIEF: binary robust
 elementary features", 2010.
 """
 
-import threading
-from typing import Any
-
 import cv2
 import numpy as np
 from numpy.typing import NDArray
@@ -14,9 +11,10 @@ from numpy.typing import NDArray
 from vnav.config import FeaturesConfig
 from vnav.core.descriptor_space import DescriptorSpace
 from vnav.core.frame import Features
-from vnav.features.keypoints import features_of, keypoints_of, strongest_first, table_of
+from vnav.features.keypoints import RESPONSE, SIZE, described, features_of
 from vnav.features.segment_test import corners
 from vnav.features.spread import spread
+from vnav.threads import PerThread
 
 PATCH_PX = 48  # edge of BRIEF's patch
 BRIEF_BYTES = 32
@@ -32,7 +30,9 @@ class Fast:
 
     def __init__(self, config: FeaturesConfig) -> None:
         self._config = config
-        self._per_thread = threading.local()
+        self._describer = PerThread(
+            lambda: cv2.xfeatures2d.BriefDescriptorExtractor.create(BRIEF_BYTES)
+        )
 
     def extract(self, color: NDArray[np.uint8]) -> Features:
         """Features of an RGB image (H, W, 3), strongest first."""
@@ -43,17 +43,5 @@ class Fast:
         px, strength = px[inside], strength[inside]
         kept = spread(px, strength, size, self._config.max_features)
         table = np.zeros((len(kept), 6))
-        table[:, :2], table[:, 4], table[:, 5] = px[kept], strength[kept], PATCH_PX
-        keypoints, descriptors = self._describer.compute(gray, keypoints_of(table))
-        if descriptors is None:
-            return features_of(np.zeros((0, 6)), SPACE.none(), SPACE)
-        described = table_of(keypoints)
-        order = strongest_first(described)
-        return features_of(described[order], descriptors[order], SPACE)
-
-    @property
-    def _describer(self) -> Any:
-        if not hasattr(self._per_thread, "describer"):
-            create = cv2.xfeatures2d.BriefDescriptorExtractor.create
-            self._per_thread.describer = create(BRIEF_BYTES)
-        return self._per_thread.describer
+        table[:, :2], table[:, RESPONSE], table[:, SIZE] = px[kept], strength[kept], PATCH_PX
+        return features_of(*described(self._describer(), gray, table, SPACE), SPACE)

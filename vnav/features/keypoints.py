@@ -1,4 +1,4 @@
-"""OpenCV's keypoints as a table, and back."""
+"""OpenCV's keypoints as a table, and back; and features made of them."""
 
 from typing import Any
 
@@ -29,7 +29,19 @@ def keypoints_of(table: Array) -> list[Any]:
 
 def strongest_first(table: Array) -> NDArray[np.intp]:
     """Rows (N,) by response; ties in an order that does not depend on threads."""
-    return np.lexsort((*table[:, [ANGLE_DEG, LEVEL, X, Y]].T, -table[:, RESPONSE]))
+    return np.lexsort((*table[:, [LEVEL, ANGLE_DEG, Y, X]].T, -table[:, RESPONSE]))
+
+
+def described(
+    describer: Any, gray: NDArray[np.uint8], table: Array, space: DescriptorSpace
+) -> tuple[Array, NDArray[Any]]:
+    """Keypoints of a table that OpenCV can describe, strongest first, and their descriptors."""
+    keypoints, descriptors = describer.compute(gray, keypoints_of(table))
+    if descriptors is None:
+        return table[:0], space.none()
+    found = table_of(keypoints)
+    order = strongest_first(found)
+    return found[order], descriptors[order]
 
 
 def features_of(table: Array, descriptors: NDArray[Any], space: DescriptorSpace) -> Features:

@@ -4,7 +4,6 @@ Sources: [004 section 2.1]; Rublee, Rabaud, Konolige, Bradski, "ORB: an efficien
 SIFT or SURF", 2011; Mur-Artal, Montiel, Tardos, "ORB-SLAM", 2015.
 """
 
-import threading
 from typing import Any
 
 import cv2
@@ -15,15 +14,9 @@ from vnav.config import FeaturesConfig
 from vnav.core.arrays import Array, Rows
 from vnav.core.descriptor_space import DescriptorSpace
 from vnav.core.frame import Features
-from vnav.features.keypoints import (
-    LEVEL,
-    RESPONSE,
-    features_of,
-    keypoints_of,
-    strongest_first,
-    table_of,
-)
+from vnav.features.keypoints import LEVEL, RESPONSE, described, features_of, table_of
 from vnav.features.spread import spread
+from vnav.threads import PerThread
 
 PATCH_PX = 31  # edge of the described patch, at the pyramid's first level
 POOL = 6  # corners that are found, of those that are kept
@@ -38,36 +31,17 @@ class Orb:
 
     def __init__(self, config: FeaturesConfig) -> None:
         self._config = config
-        self._per_thread = threading.local()
+        self._detector = PerThread(lambda: _detector(config))
 
     def extract(self, color: NDArray[np.uint8]) -> Features:
         """Features of an RGB image (H, W, 3), strongest first."""
         gray = cv2.cvtColor(color, cv2.COLOR_RGB2GRAY)
         size = gray.shape[1], gray.shape[0]
-        found = table_of(self._detector.detect(gray, None))
+        found = table_of(self._detector().detect(gray, None))
         found = found[self._strong_enough(found)]
         kept = found[self._spread(found, size)]
-        keypoints, descriptors = self._detector.compute(gray, keypoints_of(kept))
-        if descriptors is None:
-            return features_of(np.zeros((0, 6)), SPACE.none(), SPACE)
-        described = table_of(keypoints)
-        order = strongest_first(described)
-        return features_of(self._centred(described[order], size), descriptors[order], SPACE)
-
-    @property
-    def _detector(self) -> Any:
-        if not hasattr(self._per_thread, "detector"):
-            config = self._config.orb
-            self._per_thread.detector = cv2.ORB.create(
-                nfeatures=POOL * self._config.max_features,
-                scaleFactor=config.scale_factor,
-                nlevels=config.levels,
-                patchSize=PATCH_PX,
-                edgeThreshold=PATCH_PX // 2 + 1,
-                scoreType=cv2.ORB_FAST_SCORE,
-                fastThreshold=config.weak_threshold,
-            )
-        return self._per_thread.detector
+        table, descriptors = described(self._detector(), gray, kept, SPACE)
+        return features_of(self._centred(table, size), descriptors, SPACE)
 
     def _strong_enough(self, found: Array) -> NDArray[np.bool_]:
         """Which corners (N,) are strong, or the best that their cell has [004 section 2.1]."""
@@ -86,12 +60,25 @@ class Orb:
             kept.append(rows[spread(found[rows, :2], found[rows, RESPONSE], size, count)])
         return np.concatenate(kept)
 
-    def _centred(self, described: Array, size: tuple[int, int]) -> Array:
+    def _centred(self, table: Array, size: tuple[int, int]) -> Array:
         """The table with keypoints where a pixel of their level has its centre.
 
         OpenCV takes its corner, and does not allow for levels of whole pixels.
         """
-        scale = self._config.orb.scale_factor ** described[:, LEVEL, None]
-        level_pixel = described[:, :2] / scale
+        scale = self._config.orb.scale_factor ** table[:, LEVEL, None]
+        level_pixel = table[:, :2] / scale
         px = (level_pixel + 0.5) * size / np.rint(size / scale) - 0.5
-        return np.hstack([px, described[:, 2:]])
+        return np.hstack([px, table[:, 2:]])
+
+
+def _detector(config: FeaturesConfig) -> Any:
+    """OpenCV's ORB, which finds more corners than are kept."""
+    return cv2.ORB.create(
+        nfeatures=POOL * config.max_features,
+        scaleFactor=config.orb.scale_factor,
+        nlevels=config.orb.levels,
+        patchSize=PATCH_PX,
+        edgeThreshold=PATCH_PX // 2 + 1,
+        scoreType=cv2.ORB_FAST_SCORE,
+        fastThreshold=config.orb.weak_threshold,
+    )

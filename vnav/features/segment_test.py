@@ -33,7 +33,7 @@ def corners(
 def strengths(gray: NDArray[np.uint8], threshold: int, arc: int, edge_limit: int) -> Floats:
     """The strength of each pixel (H, W) that is a corner, 0 elsewhere.
 
-    A corner has ``arc`` pixels side by side on its circle (9 or 12) that are all brighter, or all
+    A corner has ``arc`` pixels side by side on its circle (9 to 12) that are all brighter, or all
     darker, by ``threshold``: eq 1. One whose circle has more than ``edge_limit`` pixels that look
     like both their neighbours lies on an edge: eq 2; 16 keeps all. The strength is the absolute
     sum of second differences across the circle.

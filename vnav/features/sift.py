@@ -1,6 +1,5 @@
 """SIFT keypoints and RootSIFT descriptors."""
 
-import threading
 from typing import Any
 
 import cv2
@@ -11,6 +10,8 @@ from vnav.config import FeaturesConfig
 from vnav.core.descriptor_space import DescriptorSpace
 from vnav.core.frame import Features
 from vnav.errors import VnavError
+from vnav.features.keypoints import features_of, strongest_first, table_of
+from vnav.threads import PerThread
 
 ROOT_SCALE = 512.0  # RootSIFT has unit length; this puts it on the range of plain SIFT's bytes
 SPACE = DescriptorSpace("sift", "uint8", 128, "l2", ROOT_SCALE)
@@ -23,7 +24,7 @@ class Sift:
 
     def __init__(self, config: FeaturesConfig) -> None:
         self._config = config
-        self._per_thread = threading.local()
+        self._detectors = PerThread(lambda: _detectors(config))
 
     def extract(self, color: NDArray[np.uint8]) -> Features:
         """The strongest features of an RGB image (H, W, 3), strongest first."""
@@ -33,27 +34,26 @@ class Sift:
         if len(keypoints) < self._config.sift.few_features:
             keypoints, descriptors = weak.detectAndCompute(gray, None)
         if descriptors is None:
-            return _features([], np.zeros((0, 128), np.float32))
-        order = _strongest(keypoints, self._config.max_features)
+            return features_of(table_of([]), SPACE.none(), SPACE)
+        table = table_of(keypoints)
+        order = strongest_first(table)[: self._config.max_features]
         if self._config.sift.root_sift:
             descriptors = root_sift(descriptors)
-        return _features([keypoints[k] for k in order], descriptors[order])
+        return features_of(table[order], SPACE.nearest(descriptors[order]), SPACE)
 
-    def _detectors(self) -> tuple[Any, Any]:
-        """OpenCV's SIFT with either contrast threshold."""
-        if not hasattr(self._per_thread, "detectors"):
-            config = self._config.sift
-            self._per_thread.detectors = tuple(
-                cv2.SIFT.create(
-                    nfeatures=self._config.max_features,
-                    contrastThreshold=contrast,
-                    edgeThreshold=config.edge_threshold,
-                    enable_precise_upscale=True,  # without it keypoints sit a quarter pixel off
-                )
-                for contrast in (config.contrast_threshold, config.weak_contrast_threshold)
-            )
-        detectors: tuple[Any, Any] = self._per_thread.detectors
-        return detectors
+
+def _detectors(config: FeaturesConfig) -> tuple[Any, ...]:
+    """OpenCV's SIFT with either contrast threshold."""
+    sift = config.sift
+    return tuple(
+        cv2.SIFT.create(
+            nfeatures=config.max_features,
+            contrastThreshold=contrast,
+            edgeThreshold=sift.edge_threshold,
+            enable_precise_upscale=True,  # without it keypoints sit a quarter pixel off
+        )
+        for contrast in (sift.contrast_threshold, sift.weak_contrast_threshold)
+    )
 
 
 def root_sift(descriptors: NDArray[np.float32]) -> NDArray[np.float32]:
@@ -72,23 +72,3 @@ def self_test() -> None:
             "expected SIFT to find a bright disc, found none; reinstall"
             " opencv-contrib-python-headless"
         )
-
-
-def _strongest(keypoints: Any, count: int) -> NDArray[np.intp]:
-    """Rows of the strongest keypoints; ties in an order that does not depend on threads."""
-    keys = np.array([(k.response, k.pt[0], k.pt[1], k.angle) for k in keypoints])
-    order = np.lexsort((keys[:, 3], keys[:, 2], keys[:, 1], -keys[:, 0]))
-    return order[:count]
-
-
-def _features(keypoints: Any, descriptors: NDArray[np.float32]) -> Features:
-    values = np.array([(*k.pt, k.response, k.size, k.angle) for k in keypoints], np.float32)
-    values = values.reshape(-1, 5)
-    return Features(
-        values[:, :2],
-        np.clip(np.rint(descriptors), 0, 255).astype(np.uint8),
-        values[:, 2],
-        values[:, 3],
-        np.deg2rad(values[:, 4]),
-        SPACE,
-    )

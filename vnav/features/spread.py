@@ -47,6 +47,8 @@ def _leaves(codes: NDArray[np.int64], count: int) -> NDArray[np.int64]:
         shift = 2 * (DEPTH - 1 - level)
         size = np.diff(np.append(begin, len(codes)))
         found = len(begin)
+        if found >= count or size.max() < 2:
+            break
         split = [begin[0] for _ in range(0)]
         for node in np.argsort(-size, kind="mergesort"):
             if found >= count or size[node] < 2:
@@ -56,8 +58,6 @@ def _leaves(codes: NDArray[np.int64], count: int) -> NDArray[np.int64]:
                 if codes[row] >> shift != codes[row - 1] >> shift:
                     split.append(row)
                     found += 1
-        if found == len(begin) and level and (found >= count or size.max() < 2):
-            break
         begin = np.sort(np.append(begin, np.array(split, np.int64)))
     return begin
 
