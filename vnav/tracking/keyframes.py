@@ -26,7 +26,7 @@ def is_new_view(T_keyframe_current: Array, shared: float, config: OdometryConfig
 
 
 class Keyframes:
-    """The keyframes so far, in order, each with its global descriptor."""
+    """The keyframes so far, in order; their global descriptors are made when they are asked for."""
 
     def __init__(self, config: OdometryConfig) -> None:
         self._config = config
@@ -44,15 +44,16 @@ class Keyframes:
     def append(self, frame: TrackedFrame) -> None:
         """Make a frame the newest keyframe."""
         self._keyframes.append(frame)
-        self._descriptors.append(global_descriptor(frame.features.features))
 
     def recent_and_similar(self, current: FrameFeatures) -> Iterator[TrackedFrame]:
         """Keyframes before the last, newest first, then the most similar of the rest."""
         recent = self._config.recent_keyframes
         yield from reversed(self._keyframes[-1 - recent : -1])
-        older = self._descriptors[: -1 - recent]
+        older = self._keyframes[: -1 - recent]
         if older:
-            similarity = np.stack(older) @ global_descriptor(current.features)
+            new = older[len(self._descriptors) :]
+            self._descriptors += [global_descriptor(k.features.features) for k in new]
+            similarity = np.stack(self._descriptors) @ global_descriptor(current.features)
             ranked = np.argsort(-similarity, kind="stable")
             for k in ranked[: self._config.similar_keyframes]:
                 yield self._keyframes[k]
