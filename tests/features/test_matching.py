@@ -1,11 +1,15 @@
 """Matching by descriptor distance, with descriptors whose distances are chosen."""
 
+from dataclasses import replace
+
 import numpy as np
+import pytest
 
 from vnav.config import RegistrationConfig
+from vnav.core.descriptor_space import DescriptorSpace
 from vnav.core.frame import Features
 from vnav.features.guided_matching import match_guided
-from vnav.features.matching import DescriptorMatcher, match
+from vnav.features.matching import DescriptorMatcher, match, turned_alike
 from vnav.features.sift import ROOT_SCALE, SPACE
 
 NOWHERE = (np.nan, np.nan)
@@ -125,3 +129,62 @@ def test_the_matcher_takes_its_limits_from_the_settings() -> None:
         b = features([value], [(50, 50)])
         assert len(matcher.match_guided(features([100]), b, predicted, 10.0)) == expected
     assert pairs(matcher.match(features([100]), features([93, 110]))) == [(0, 0)]
+
+
+def turned_by(degrees: list[float]) -> tuple[Features, Features, np.ndarray]:
+    """Features of two images, and their matches, each turned by so much from a to b."""
+    rng, n = np.random.default_rng(0), len(degrees)
+    before = rng.uniform(0, 2 * np.pi, n)
+    after = (before + np.deg2rad(degrees)) % (2 * np.pi)
+    a, b = (replace(features([0] * n), angles_rad=x.astype(np.float32)) for x in (before, after))
+    return a, b, np.stack([np.arange(n), np.arange(n)], 1).astype(np.int32)
+
+
+def test_matches_that_turn_otherwise_than_most_are_left_out() -> None:
+    a, b, matches = turned_by([30] * 9 + [60] * 9 + [90] * 9 + [150, 210, 270])
+    assert turned_alike(a, b, matches, 12)[:, 0].tolist() == list(range(27))
+
+
+def test_turns_to_either_side_of_none_are_alike() -> None:
+    a, b, matches = turned_by([-8, 8] * 2 + [120] * 3 + [180] * 3 + [60])
+    assert turned_alike(a, b, matches, 12)[:, 0].tolist() == list(range(10))
+
+
+def test_without_bins_or_orientations_all_matches_are_kept() -> None:
+    a, b, matches = turned_by([30] * 9 + [60, 90, 120, 150])
+    assert len(turned_alike(a, b, matches, 0)) == 13
+    upright = replace(SPACE, has_angles=False)
+    assert len(turned_alike(replace(a, space=upright), b, matches, 12)) == 13
+
+
+def test_a_matcher_asks_the_turns_that_it_is_told_to_ask() -> None:
+    turns = [30] * 9 + [60] * 9 + [90] * 9 + [150]
+    a, b, _ = turned_by(turns)
+    described = np.zeros((len(turns), 128), np.uint8)
+    described[:, :28] = 200 * np.eye(28)
+    a, b = replace(a, descriptors=described), replace(b, descriptors=described)
+    for bins, kept in ((0, 28), (12, 27)):
+        matcher = DescriptorMatcher(RegistrationConfig(rotation_bins=bins))
+        assert len(matcher.match(a, b)) == kept
+        assert len(matcher.match_guided(a, b, np.zeros((28, 2)), 10.0)) == kept
+
+
+@pytest.mark.parametrize("mutual", [True, False])
+def test_bits_match_as_their_differing_bits_are_counted_one_by_one(mutual: bool) -> None:
+    rng, ratio = np.random.default_rng(0), 0.9
+    a, b = (rng.integers(0, 256, (n, 32), np.uint8) for n in (60, 80))
+    b[:40] = a[:40] ^ (1 << rng.integers(0, 8, (40, 32))).astype(np.uint8)  # 32 bits of 256
+    b[50], b[70] = b[3], a[45]
+    counted = (np.unpackbits(a, axis=1)[:, None] != np.unpackbits(b, axis=1)).sum(2)
+    nearest, two = counted.argmin(1), np.sort(counted, 1)[:, :2]
+    is_match = two[:, 0] < ratio * two[:, 1]
+    if mutual:
+        is_match &= counted.argmin(0)[nearest] == np.arange(60)
+    space = DescriptorSpace("bits", "uint8", 32, "hamming", 64.0)
+    of = [
+        Features(np.zeros((n, 2)), x, np.ones(n), np.ones(n), np.zeros(n), space)
+        for n, x in ((60, a), (80, b))
+    ]
+    expected = [(i, int(nearest[i])) for i in np.flatnonzero(is_match)]
+    assert 38 <= len(expected) <= 42
+    assert pairs(match(*of, ratio, mutual)) == expected

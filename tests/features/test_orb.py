@@ -44,6 +44,12 @@ def test_a_part_of_the_image_without_strong_corners_keeps_its_weak_ones() -> Non
     assert not (Orb(strong_only).extract(image).keypoints_px[:, 0] > 160 + CELL_PX).any()
 
 
+@pytest.mark.parametrize("most", [1, 2, 3, 7, 50, 333, 1500])
+def test_no_more_are_kept_than_asked_for(most: int) -> None:
+    noise = np.random.default_rng(0).integers(0, 255, (240, 320, 3), np.uint8)
+    assert len(Orb(FeaturesConfig(max_features=most)).extract(noise)) <= most
+
+
 def test_weak_corners_beside_strong_ones_are_not_taken() -> None:
     found = Orb(FeaturesConfig(max_features=2000)).extract(corners(100))
     assert (found.scores >= 20).all()
@@ -68,3 +74,35 @@ def test_a_corner_keeps_its_orientation_relative_to_the_image() -> None:
     assert len(both) > 0.8 * len(upright)
     turns = np.array([(b - a + np.pi / 2) for a, b in both])
     assert np.abs(np.angle(np.exp(1j * turns))).max() < np.deg2rad(1)
+
+
+def test_a_relative_threshold_is_a_share_of_the_corners_own_brightness() -> None:
+    # Dark squares, 12 darker than their ground, on grey of 40 and of 200: 12 is more than a fifth
+    # of the corner's brightness of 28 and less than a fifth of 188.
+    image = np.full((240, 320, 3), 40, np.uint8)
+    image[:, 160:] = 200
+    for y in range(30, 210, 20):
+        for x in (*range(30, 130, 20), *range(190, 290, 20)):
+            image[y : y + 6, x : x + 6] -= 12
+    relative = OrbConfig(relative_threshold=0.2)
+    found = Orb(FeaturesConfig(orb=relative)).extract(image).keypoints_px[:, 0]
+    assert (found < 150).sum() > 20
+    assert not (found > 170).any()
+    absolute = Orb(FeaturesConfig()).extract(image).keypoints_px[:, 0]
+    assert (absolute > 170).sum() > 20
+
+
+def test_a_relative_threshold_finds_more_of_what_exposure_scales_down() -> None:
+    rng = np.random.default_rng(0)
+    noise = cv2.GaussianBlur(rng.uniform(0, 1, (240, 320)), (0, 0), 2)
+    bright = 60 + 180 * (noise - noise.min()) / np.ptp(noise)
+    again = []
+    for relative in (0.2, 0.0):
+        config = OrbConfig(relative_threshold=relative, weak_threshold=20, levels=1)
+        orb, places = Orb(FeaturesConfig(orb=config)), []
+        for view in (bright, bright / 4):
+            image = np.repeat(np.rint(view)[..., None], 3, 2).astype(np.uint8)
+            places.append({tuple(p) for p in orb.extract(image).keypoints_px.tolist()})
+        assert len(places[0]) > 100
+        again.append(len(places[0] & places[1]) / len(places[0]))
+    assert again[0] > 2 * again[1]

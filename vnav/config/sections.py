@@ -88,6 +88,12 @@ class OrbConfig(Section, path="features.orb"):
         "threshold where a cell of 32 x 32 px has no corner otherwise",
         rule="<= threshold",
     )
+    relative_threshold: float = number(
+        0.0,
+        "[0, 1]",
+        "share",
+        "in the place of both thresholds, a share of the corner's own brightness; 0: they hold",
+    )
 
 
 @dataclass(frozen=True)
@@ -148,6 +154,13 @@ class RegistrationConfig(Section, path="registration"):
         "a match has a smaller ratio of nearest to second-nearest descriptor distance",
     )
     mutual: bool = flag(True, "a match is the nearest descriptor seen from either frame")
+    rotation_bins: int = whole(
+        0,
+        "[0, 360]",
+        "bins",
+        "of the turns from feature to matched feature; matches outside of the three fullest are"
+        " left out; 0: all are kept",
+    )
     max_distance: float = number(
         0.8,
         "(0, 2]",

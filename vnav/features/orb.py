@@ -20,6 +20,7 @@ from vnav.threads import PerThread
 
 PATCH_PX = 31  # edge of the described patch, at the pyramid's first level
 POOL = 6  # corners that are found, of those that are kept
+ALL = 1_000_000  # corners: in the dark the strong ones are weaker than most in the light
 CELL_PX = 32  # where a cell has no strong corner, weak ones are taken
 SPACE = DescriptorSpace("orb", "uint8", 32, "hamming", typical=110.0)
 
@@ -38,24 +39,38 @@ class Orb:
         gray = cv2.cvtColor(color, cv2.COLOR_RGB2GRAY)
         size = gray.shape[1], gray.shape[0]
         found = table_of(self._detector().detect(gray, None))
-        found = found[self._strong_enough(found)]
+        found = found[self._strong_enough(found, gray)]
         kept = found[self._spread(found, size)]
         table, descriptors = described(self._detector(), gray, kept, SPACE)
         return features_of(self._centred(table, size), descriptors, SPACE)
 
-    def _strong_enough(self, found: Array) -> NDArray[np.bool_]:
+    def _strong_enough(self, found: Array, gray: NDArray[np.uint8]) -> NDArray[np.bool_]:
         """Which corners (N,) are strong, or the best that their cell has [004 section 2.1]."""
-        strong = found[:, RESPONSE] >= self._config.orb.threshold
+        orb = self._config.orb
+        if orb.relative_threshold:
+            return found[:, RESPONSE] >= orb.relative_threshold * self._brightness(found, gray)
+        strong = found[:, RESPONSE] >= orb.threshold
         cells = (found[:, :2] // CELL_PX).astype(int)
         cell = cells[:, 1] * (1 + cells[:, 0].max(initial=0)) + cells[:, 0]
         return np.asarray(strong | ~np.isin(cell, cell[strong]))
 
+    def _brightness(self, found: Array, gray: NDArray[np.uint8]) -> Array:
+        """Grey level (N,) of each corner in the image of its level."""
+        bright = np.zeros(len(found))
+        for level in range(self._config.orb.levels):
+            rows, scale = found[:, LEVEL] == level, self._config.orb.scale_factor**level
+            size = np.rint(np.array(gray.shape[::-1]) / scale).astype(int)
+            image = cv2.resize(gray, size.tolist(), interpolation=cv2.INTER_LINEAR_EXACT)
+            x, y = np.minimum(np.rint(found[rows, :2] / scale).astype(int), size - 1).T
+            bright[rows] = image[y, x]
+        return bright
+
     def _spread(self, found: Array, size: tuple[int, int]) -> Rows:
         """Rows that are kept, of each level its share: the finer a level, the more."""
-        shares = self._config.orb.scale_factor ** -np.arange(self._config.orb.levels)
-        counts = np.rint(self._config.max_features * shares / shares.sum()).astype(int)
+        shares = np.cumsum(self._config.orb.scale_factor ** -np.arange(self._config.orb.levels))
+        upto = np.rint(self._config.max_features * shares / shares[-1]).astype(int)
         kept = [np.zeros(0, np.intp)]
-        for level, count in enumerate(counts):
+        for level, count in enumerate(np.diff(upto, prepend=0)):
             rows = np.flatnonzero(found[:, LEVEL] == level)
             kept.append(rows[spread(found[rows, :2], found[rows, RESPONSE], size, count)])
         return np.concatenate(kept)
@@ -73,12 +88,13 @@ class Orb:
 
 def _detector(config: FeaturesConfig) -> Any:
     """OpenCV's ORB, which finds more corners than are kept."""
+    is_relative = bool(config.orb.relative_threshold)
     return cv2.ORB.create(
-        nfeatures=POOL * config.max_features,
+        nfeatures=ALL if is_relative else POOL * config.max_features,
         scaleFactor=config.orb.scale_factor,
         nlevels=config.orb.levels,
         patchSize=PATCH_PX,
         edgeThreshold=PATCH_PX // 2 + 1,
         scoreType=cv2.ORB_FAST_SCORE,
-        fastThreshold=config.orb.weak_threshold,
+        fastThreshold=1 if is_relative else config.orb.weak_threshold,
     )
