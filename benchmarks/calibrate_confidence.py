@@ -1,6 +1,6 @@
 """Fits the odds by which finding a photo judges its poses, on synthetic scenes with true poses.
 
-    python benchmarks/calibrate_confidence.py [--out DIR] [--record]
+    python benchmarks/calibrate_confidence.py [--out DIR] [--front-end NAME] [--record]
     python benchmarks/calibrate_confidence.py --check MAP CAPTURE [--record]
 
 prints how often answers of each confidence are right: on the scenes, or on a capture with
@@ -22,11 +22,13 @@ from recording import Measurement, add_record_option, record, table
 from scipy.ndimage import gaussian_filter1d
 from scipy.optimize import minimize
 
-from vnav.config import Config
+from vnav.config import Config, FeaturesConfig
+from vnav.config.registries import FRONT_ENDS
 from vnav.core import se3
 from vnav.core.trajectory import Trajectory
 from vnav.io.formats.trajectories import read_tum
 from vnav.io.sources.open_capture import open_capture
+from vnav.io.store.artifacts import load_descriptor_space
 from vnav.io.store.map_folder import MapFolder
 from vnav.localisation.database import LandmarkDatabase
 from vnav.localisation.photo import Photo
@@ -35,6 +37,7 @@ from vnav.localisation.verification.evidence import (
     _log_beta_binomial,
     _log_sum,
     evidence,
+    odds_of,
     posterior,
 )
 from vnav.localisation.verification.image_cells import MIN_COUNT, cell_counts
@@ -75,9 +78,11 @@ class Asked:
     by_chance: Cells
 
 
-def synthetic_map(root: Path, spec: CaptureSpec, off_m: float) -> MapFolder:
+def synthetic_map(
+    root: Path, spec: CaptureSpec, off_m: float, front_end: str = "sift"
+) -> MapFolder:
     """The map of a scene at true poses, or at poses that are off; capture in root. Made once."""
-    capture, config = root / "capture", Config()
+    capture, config = root / "capture", Config(features=FeaturesConfig(front_end=front_end))
     if not (capture / "camera.toml").is_file():
         write_capture(capture, spec)
     truth = read_tum(capture / "groundtruth.txt")
@@ -85,7 +90,7 @@ def synthetic_map(root: Path, spec: CaptureSpec, off_m: float) -> MapFolder:
     noise = gaussian_filter1d(noise, CORRELATED, axis=0, mode="nearest")
     noise *= off_m * np.repeat([RAD_PER_M, 1], 3) / noise.std(0)
     given = Trajectory(truth.stamps_s, truth.T_world_camera @ se3.exp(noise))
-    folder = MapFolder.create(root / "map")
+    folder = MapFolder.create(root / f"map_{front_end}")
     build_map(folder, open_capture(capture, config.capture), config, given=given)
     return folder
 
@@ -216,26 +221,30 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     parser.add_argument("--out", type=Path, default=Path("bench/confidence"))
     parser.add_argument("--check", nargs=2, type=Path, metavar=("MAP", "CAPTURE"))
+    parser.add_argument("--front-end", choices=FRONT_ENDS, default="sift")
     add_record_option(parser)
     options = parser.parse_args()
     if options.check:
         folder, capture = MapFolder.open(options.check[0]), options.check[1]
         photos = asked(folder, photos_of(capture), true_poses(folder, capture))
-        found = reliability(capture.name, photos, Odds())
+        found = reliability(capture.name, photos, odds_of(load_descriptor_space(folder)))
         print(table(found))
     else:
-        found = calibrated(options.out)
+        found = calibrated(options.out, options.front_end)
     if options.record:
-        on = options.check[1].name if options.check else "rendered"
+        on = options.check[1].name if options.check else f"rendered_{options.front_end}"
         record(f"photos_{on}_confidence", "how often right", found)
 
 
-def calibrated(out: Path) -> list[Measurement]:
+def calibrated(out: Path, front_end: str) -> list[Measurement]:
     """Print the constants of today and those that fit best; how reliable those of today are."""
     roots = [out / f"{scene}{k}" for k, (scene, *_) in enumerate(SCENES)]
     maps = [
         synthetic_map(
-            root, CaptureSpec(scene, frames, PHOTOS, KINECT, PHONE, seed=k, sensor=sensor), off_m
+            root,
+            CaptureSpec(scene, frames, PHOTOS, KINECT, PHONE, seed=k, sensor=sensor),
+            off_m,
+            front_end,
         )
         for k, (root, (scene, frames, sensor, off_m)) in enumerate(zip(roots, SCENES, strict=True))
     ]
@@ -252,10 +261,11 @@ def calibrated(out: Path) -> list[Measurement]:
         if a.cells
     ]
     photos = [*known, *elsewhere]
-    for odds in (Odds(), fitted(known, elsewhere, Odds())):
-        found = table(reliability("rendered scenes", photos, odds))
+    on, today = f"rendered scenes, {front_end}", odds_of(load_descriptor_space(maps[0]))
+    for odds in (today, fitted(known, elsewhere, today)):
+        found = table(reliability(on, photos, odds))
         print(odds, f"{log_loss(photos, odds):.3f} nats a photo", found, sep="\n")
-    return reliability("rendered scenes", photos, Odds())
+    return reliability(on, photos, today)
 
 
 if __name__ == "__main__":

@@ -21,6 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vnav.core.arrays import Array
+from vnav.core.descriptor_space import DescriptorSpace
 from vnav.localisation.verification.image_cells import MIN_COUNT
 
 Beta = tuple[float, float]
@@ -49,6 +50,9 @@ class Odds:
     unmapped_rival: float = 0.002  # share of unmapped places that look like a rival
 
 
+ODDS = {"sift": Odds()}  # by front-end
+
+
 @dataclass(frozen=True)
 class Evidence:
     """Log likelihoods (nats) of what a photo shows at a pose, were it right, or a rival's.
@@ -64,6 +68,11 @@ class Evidence:
     def strength(self) -> float:
         """How much (nats) it speaks for the pose rather than for a rival."""
         return float(_log_sum(self.right + LOG_PRIOR) - _log_sum(self.rival + LOG_PRIOR))
+
+
+def odds_of(space: DescriptorSpace) -> Odds:
+    """Those of a front-end; SIFT's of one that none were fitted for."""
+    return ODDS.get(space.front_end, ODDS["sift"])
 
 
 def evidence(cells: NDArray[np.intp], odds: Odds = Odds()) -> Evidence:

@@ -13,7 +13,13 @@ from vnav.localisation.hypotheses.pose_refinement import refine_pose
 from vnav.localisation.hypotheses.ransac import PoseHypothesis
 from vnav.localisation.matches import Matches
 from vnav.localisation.query import MIN_MATCHES, Query
-from vnav.localisation.verification.evidence import Evidence, evidence, posterior
+from vnav.localisation.verification.evidence import (
+    Evidence,
+    Odds,
+    evidence,
+    odds_of,
+    posterior,
+)
 from vnav.localisation.verification.image_cells import cell_counts
 from vnav.localisation.verification.prediction import predict, reprojected
 from vnav.localisation.verification.projection_matching import match_by_projection, one_to_one
@@ -28,18 +34,20 @@ class VerifiedPose:
     """A pose that the map bears out: what agrees with it, and how strongly (see `evidence`).
 
     ``covariance`` (6, 6), or (7, 7) with the log focal length, of ``T_world_camera``'s tangent;
-    ``cells`` (2, C): landmarks found and predicted in each cell of the image.
+    ``cells`` (2, C): landmarks found and predicted in each cell of the image; ``odds``: those of
+    the front-end that finds them.
     """
 
     view: View
     covariance: Array
     matches: Matches
     cells: NDArray[np.intp]
+    odds: Odds = Odds()
 
     @cached_property
     def evidence(self) -> Evidence:
         """How much speaks for the pose."""
-        return evidence(self.cells)
+        return evidence(self.cells, self.odds)
 
     @property
     def inliers(self) -> int:
@@ -90,7 +98,8 @@ def _guided(view: View, query: Query) -> VerifiedPose | None:
             return None
         refined = refine_pose(view, query.correspondences(matches, view), photo.camera)
         view = refined.view
-    return VerifiedPose(view, refined.covariance, matches, cell_counts(prediction, found, photo))
+    cells = cell_counts(prediction, found, photo)
+    return VerifiedPose(view, refined.covariance, matches, cells, odds_of(database.tree.space))
 
 
 def _matches_around(view: View, query: Query) -> Matches:
