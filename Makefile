@@ -75,6 +75,8 @@ bench-real: setup
 	-$(BIN)/python benchmarks/people.py bench/people --record
 	-$(BIN)/python benchmarks/verdicts.py bench/verdicts --record
 	$(BIN)/python benchmarks/broken_odometry.py bench/maps/house ../shared/captures/house --record
+	-$(BIN)/python benchmarks/front_ends.py bench/front_ends $(CAPTURES) $(DESK) --record
+	$(BIN)/python benchmarks/corners.py $(CAPTURES) $(DESK) --record
 	$(BIN)/python benchmarks/hard_versions.py $(CAPTURES) --out bench
 	-$(BIN)/vnav evaluate bench/hard.toml --out bench/hard
 	-$(BIN)/vnav evaluate bench/seeds.toml --seeds 5 --out bench/seeds
