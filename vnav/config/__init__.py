@@ -18,6 +18,7 @@ from vnav.config.sections import (
     PlanConfig,
     RegistrationConfig,
     SiftConfig,
+    TrackingConfig,
     VocabularyConfig,
 )
 
@@ -39,6 +40,7 @@ __all__ = [
     "PlanConfig",
     "RegistrationConfig",
     "SiftConfig",
+    "TrackingConfig",
     "VocabularyConfig",
     "load",
     "preset_cameras",

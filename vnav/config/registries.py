@@ -18,6 +18,11 @@ MASKS: Registry = {
     "none": "vnav.masking.nothing:NoMask",
     "motion": "vnav.masking.motion:MotionMask",
 }
+DESCRIPTORS = "descriptors"  # the tracker that has every frame described
+TRACKERS: Registry = {
+    DESCRIPTORS: "vnav.tracking.trackers.descriptors:DescriptorTracker",
+    "klt": "vnav.tracking.trackers.klt:KltTracker",
+}
 
 
 def registered(registry: Registry, name: str) -> Any:

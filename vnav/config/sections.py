@@ -5,7 +5,7 @@ Ranges end where the code could do nothing with a value, or nothing a person cou
 
 from dataclasses import dataclass
 
-from vnav.config.registries import FRONT_ENDS, MASKS
+from vnav.config.registries import FRONT_ENDS, MASKS, TRACKERS
 from vnav.config.setting import Section, choice, flag, number, section, whole
 from vnav.config.shipped import preset_cameras
 
@@ -224,6 +224,24 @@ class RegistrationConfig(Section, path="registration"):
     min_inliers: int = whole(15, "[3, 100000]", "matches", "a pose with fewer inliers is rejected")
     min_inlier_share: float = number(
         0.15, "[0, 1]", "share", "a pose with a smaller share of inliers is rejected"
+    )
+
+
+@dataclass(frozen=True)
+class TrackingConfig(Section, path="tracking"):
+    """How a frame is held against the frames before."""
+
+    method: str = choice(
+        "descriptors",
+        lambda: tuple(TRACKERS),
+        "what finds the points of a frame in the next; descriptors: every frame is described,"
+        " else only keyframes are",
+    )
+    min_points: int = whole(
+        60,
+        "[0, 100000]",
+        "points",
+        "a frame in which fewer points are found again is described",
     )
 
 
@@ -557,6 +575,7 @@ class Config(Section, path=""):
     capture: CaptureConfig = section(CaptureConfig)
     features: FeaturesConfig = section(FeaturesConfig)
     registration: RegistrationConfig = section(RegistrationConfig)
+    tracking: TrackingConfig = section(TrackingConfig)
     masking: MaskingConfig = section(MaskingConfig)
     odometry: OdometryConfig = section(OdometryConfig)
     vocabulary: VocabularyConfig = section(VocabularyConfig)

@@ -12,6 +12,7 @@ import numpy as np
 
 from vnav.checking.capture_report import require_depth
 from vnav.config import Config
+from vnav.config.registries import DESCRIPTORS
 from vnav.core.frame import Frame
 from vnav.core.mapping import LOST, FrameFeatures, FrameTable, Odometry
 from vnav.core.progress import Progress, silent
@@ -19,8 +20,7 @@ from vnav.core.reduced_frame import ReducedFrame, reduced
 from vnav.core.report import Report
 from vnav.core.trajectory import Trajectory
 from vnav.errors import CaptureError
-from vnav.features import front_end
-from vnav.features.lifting import lift
+from vnav.features.description import FrameDescriber, undescribed
 from vnav.io.formats.trajectories import fingerprint
 from vnav.io.sources.capture import Capture
 from vnav.io.sources.rectify import rectified, resampled
@@ -33,6 +33,7 @@ from vnav.tracking.given_poses import GivenPoses, poses_at
 from vnav.tracking.odometry_builder import OdometryBuilder
 from vnav.tracking.visual_odometry import VisualOdometry
 
+SECTIONS = "capture", "features", "registration", "tracking", "masking", "odometry"
 MOST_MOVING = 4  # frames that are named
 TOO_MUCH = "most of what is seen moves"
 
@@ -53,7 +54,7 @@ def run(
     """
     started = clock()
     require_depth(capture)
-    settings = settings_of(config, "capture", "features", "registration", "masking", "odometry")
+    settings = settings_of(config, *SECTIONS)
     entry = described(0, capture)
     inputs = {"capture_0": entry["fingerprint"]}
     if given is not None:
@@ -84,7 +85,9 @@ def track(
         builder = GivenPoses(poses_at(frames.stamp_s, given, config.capture.association_s), config)
     with ThreadPoolExecutor(os.cpu_count()) as pool:
         written = []
-        for row, seen in _described_frames(capture, config, pool):
+        is_described = given is not None or config.tracking.method == DESCRIPTORS
+        describer = FrameDescriber(config) if is_described else None
+        for row, seen in _frames(capture, describer, pool):
             progress("odometry", row, len(frames))
             if isinstance(seen, str):
                 builder.skip(row, seen)
@@ -108,29 +111,28 @@ class _Seen:
     image: ReducedFrame
 
 
-def _described_frames(
-    capture: Capture, config: Config, pool: ThreadPoolExecutor
+def _frames(
+    capture: Capture, describer: FrameDescriber | None, pool: ThreadPoolExecutor
 ) -> Iterator[tuple[int, _Seen | str]]:
-    """Every frame in order, read and described by the pool a little ahead; or why it cannot be."""
-    extract = front_end(config.features).extract
-    farthest = config.odometry.max_depth_m
+    """Every frame in order, read by the pool a little ahead; or why it cannot be.
+
+    Described too, if there is a describer; else without features.
+    """
     camera = rectified(capture.camera)
 
-    def describe(row: int) -> _Seen | str:
+    def see(row: int) -> _Seen | str:
         try:
             frame = resampled(capture.read(row), camera)
         except CaptureError as error:
             return str(error)
-        features = extract(frame.color)
-        near = np.where(frame.depth_m <= farthest, frame.depth_m, np.float32(0))
-        points = lift(features.keypoints_px, near, camera, config.registration)
-        return _Seen(FrameFeatures(row, features, points), frame, reduced(frame))
+        features = describer.describe(row, frame) if describer else undescribed(row)
+        return _Seen(features, frame, reduced(frame))
 
     with one_opencv_thread:
         ahead: deque[Future[_Seen | str]] = deque()
         for row in range(len(capture)):
             while len(ahead) < 2 * (os.cpu_count() or 1) and row + len(ahead) < len(capture):
-                ahead.append(pool.submit(describe, row + len(ahead)))
+                ahead.append(pool.submit(see, row + len(ahead)))
             yield row, ahead.popleft().result()
 
 

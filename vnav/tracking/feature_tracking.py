@@ -33,14 +33,26 @@ class FeatureTracker:
 
     def track_nearest(self, current: TrackedFrame) -> ChosenMotions:
         """Motions from the predecessor and from the last keyframe."""
-        nearest = {a.features.row: a for a in (self.previous, self.keyframes.last) if a is not None}
-        return self._choose([a for row, a in nearest.items() if row in self._motion.poses], current)
+        return self._choose(self._nearest(), current)
+
+    def track_near(self, current: TrackedFrame, choice: ChosenMotions) -> ChosenMotions:
+        """Motions to the pose that was chosen by other features of the frame, as these tell them.
+
+        From the predecessor and from the last keyframe; empty where neither matches there.
+        """
+        return self._search.near(self._targets(self._nearest()), current, choice)
 
     def remember(self, current: TrackedFrame, is_keyframe: bool) -> None:
-        """Make the current frame the predecessor of the next."""
-        self.previous = current
+        """Make the current frame the predecessor of the next, if its features are its own."""
+        if not current.is_followed:
+            self.previous = current
         if is_keyframe:
             self.keyframes.append(current)
+
+    def _nearest(self) -> list[TrackedFrame]:
+        """The predecessor and the last keyframe, as far as they are of this track."""
+        nearest = {a.features.row: a for a in (self.previous, self.keyframes.last) if a is not None}
+        return [a for row, a in nearest.items() if row in self._motion.poses]
 
     def _track_others(self, current: TrackedFrame) -> ChosenMotions:
         for keyframe in self.keyframes.recent_and_similar(current.features):
@@ -53,10 +65,13 @@ class FeatureTracker:
         """Motions from frames of the track, or from a single one that is of another."""
         if not frames:
             return ChosenMotions()
-        poses = self._motion.poses
-        targets = [Target(a, poses.get(a.features.row, np.eye(4))) for a in frames]
+        targets, poses = self._targets(frames), self._motion.poses
         in_track = all(target.row in poses for target in targets)
         return self._search.search(targets, current, self._motion.expected if in_track else [])
+
+    def _targets(self, frames: Sequence[TrackedFrame]) -> list[Target]:
+        poses = self._motion.poses
+        return [Target(a, poses.get(a.features.row, np.eye(4))) for a in frames]
 
 
 def are_degenerate(estimates: Motions) -> bool:

@@ -69,7 +69,8 @@ class SeenFrame:
         points = self.frame.features.points_camera[kept]
         image = self.frame.image
         image = replace(image, inverse_depth=np.where(self.moving, 0, image.inverse_depth))
-        return TrackedFrame(FrameFeatures(row, features[kept], points), image, self.frame.camera)
+        static = FrameFeatures(row, features[kept], points)
+        return replace(self.frame, features=static, image=image)
 
 
 @dataclass(frozen=True)

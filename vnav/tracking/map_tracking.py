@@ -1,16 +1,14 @@
 """Frames tracked against the keyframes that see the same, by patches: 003 cl.3, cl.4, S2."""
 
 import numpy as np
-from numpy.typing import NDArray
 
 from vnav.config import Config
 from vnav.core import se3
 from vnav.core.arrays import Array
 from vnav.core.camera import Intrinsics
-from vnav.core.descriptor_space import UNDESCRIBED
-from vnav.core.frame import Edge, Features, Frame, PoseEstimate
+from vnav.core.frame import Edge, Frame, PoseEstimate
 from vnav.core.mapping import FrameFeatures
-from vnav.features.lifting import lift
+from vnav.features.description import points_of, undescribed
 from vnav.registration.correspondences import Correspondences
 from vnav.registration.estimation import refine_motion
 from vnav.registration.image_filters import exposure_gain
@@ -67,10 +65,9 @@ class MapTracker:
             points = of.keyframe.frame.points_camera[of.rows]
             points_a.append(se3.transform(T_a_camera @ of.T_camera_keyframe, points))
         px = np.concatenate([of.px for of in found])
-        config, farthest = self._config.registration, self._config.odometry.max_depth_m
-        near = np.where(frame.depth_m <= farthest, frame.depth_m, np.float32(0))
-        a = _undescribed(a_row, px, np.concatenate(points_a))
-        b = _undescribed(row, px, lift(px.astype(np.float32), near, frame.intrinsics, config))
+        config = self._config.registration
+        a = undescribed(a_row, px, np.concatenate(points_a))
+        b = undescribed(row, px, points_of(px.astype(np.float32), frame, self._config))
         matches = np.repeat(np.arange(len(px), dtype=np.int32)[:, None], 2, 1)
         cameras = frame.intrinsics, frame.intrinsics
         correspondences = Correspondences(a, b, matches, cameras, config)
@@ -93,11 +90,3 @@ def _found(points: VisiblePoints, grey: Array, camera: Intrinsics) -> VisiblePoi
     gain = exposure_gain(keyframe.grey[few, few], grey[few, few])
     found_px = align_patches(keyframe.grey, grey, px, points.px, warp, gain)
     return VisiblePoints(keyframe, points.rows, found_px, T).only(np.isfinite(found_px[:, 0]))
-
-
-def _undescribed(row: int, px: Array, points_camera: Array | NDArray[np.float32]) -> FrameFeatures:
-    """Pixels (N, 2) with their 3D points (N, 3), which are matched already."""
-    none, count = np.zeros(len(px), np.float32), len(px)
-    described = np.zeros((count, 0), np.uint8)
-    features = Features(px.astype(np.float32), described, none, none, none, UNDESCRIBED)
-    return FrameFeatures(row, features, points_camera.astype(np.float32))

@@ -23,10 +23,14 @@ class MaskedTracker:
         self._features, self._motion = features, motion
         self._seen: SeenFrame | None = None
 
-    def track(self, current: TrackedFrame) -> tuple[TrackedFrame, ChosenMotions]:
-        """The frame without what moves, and its motions from earlier frames."""
-        still, choice = current, self._features.track(current)
-        seen = self._look(current, choice)
+    def track(
+        self, current: TrackedFrame, choice: ChosenMotions
+    ) -> tuple[TrackedFrame, ChosenMotions]:
+        """The frame without what moves, and its motions from earlier frames.
+
+        ``choice``: those found with all that it shows.
+        """
+        still, seen = current, self._look(current, choice)
         for _ in range(SECOND_LOOKS):
             if not seen.moving.any():
                 break
@@ -39,6 +43,12 @@ class MaskedTracker:
                 break
         self._seen = seen
         return still, choice
+
+    def redescribed(self, current: TrackedFrame) -> TrackedFrame:
+        """The frame that was tracked last, with other features, without those of what moves."""
+        assert self._seen is not None
+        self._seen = replace(self._seen, frame=current)
+        return self._seen.static
 
     def without_moving(self, frame: Frame) -> Frame:
         """The frame that was tracked last without the depth of what moves."""

@@ -32,11 +32,15 @@ Motions = dict[int, PoseEstimate]  # to the current frame, by the row of the fra
 
 @dataclass(frozen=True)
 class TrackedFrame:
-    """What tracking keeps of a frame: its features, and its pixels in blocks; its own camera."""
+    """What tracking keeps of a frame: its features, and its pixels in blocks; its own camera.
+
+    ``is_followed``: its features are those of an earlier frame, found again in this one.
+    """
 
     features: FrameFeatures
     image: ReducedFrame
     camera: Intrinsics
+    is_followed: bool = False
 
 
 @dataclass(frozen=True)
@@ -55,6 +59,10 @@ class Target:
         """``T_a_b`` from this frame to a pose of the current one."""
         return np.asarray(se3.inverse(self.T_track_camera) @ T_track_current)
 
+    def pose(self, estimate: PoseEstimate) -> Array:
+        """``T_track_current`` where a motion from this frame leads."""
+        return np.asarray(self.T_track_camera @ estimate.T_a_b)
+
 
 @dataclass(frozen=True)
 class ChosenMotions:
@@ -62,6 +70,11 @@ class ChosenMotions:
 
     estimates: Motions = field(default_factory=dict)
     alternatives: Motions = field(default_factory=dict)
+
+    @property
+    def probability(self) -> float:
+        """That the motions to the best pose are the camera's; 1 where there are none."""
+        return min((e.probability for e in self.estimates.values()), default=1.0)
 
 
 @dataclass(frozen=True)
@@ -101,7 +114,7 @@ class PoseChoice:
         """Add the poses that motions from a target lead to; of two to one pose the better."""
         row = target.row
         for estimate in estimates:
-            pose = self._known(target.T_track_camera @ estimate.T_a_b)
+            pose = self._known(target.pose(estimate))
             known = pose.motions.get(row)
             if known is None or len(known.inliers) < len(estimate.inliers):
                 pose.motions[row] = estimate

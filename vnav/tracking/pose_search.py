@@ -1,6 +1,7 @@
 """The search for a frame's pose: several hypotheses, one judge."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -42,6 +43,23 @@ class PoseSearch:
                 self._seek(choice, target, current)
             choice.judge()
         return choice.result()
+
+    def near(
+        self, targets: Sequence[Target], current: TrackedFrame, choice: ChosenMotions
+    ) -> ChosenMotions:
+        """A choice by other features of the frame, with the motions that its own tell near it.
+
+        Some of the targets are those of the choice. None where too few features agree.
+        """
+        poses = [t.pose(choice.estimates[t.row]) for t in targets if t.row in choice.estimates]
+        pair, found = self._pair(current), {}
+        for target in targets if poses else []:
+            T_a_b = target.motion(poses[0])
+            near = pair.register_near(target.frame.features, current.features, T_a_b)
+            if isinstance(near, PoseEstimate):
+                found[target.row] = replace(near, probability=choice.probability)
+        others = {row: e for row, e in choice.alternatives.items() if row in found}
+        return ChosenMotions(found, others)
 
     def _registered(
         self,

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vnav.config import Config
+from vnav.config.registries import DESCRIPTORS
 from vnav.core.frame import Edge, Frame, PoseEstimate
 from vnav.core.graph import chain
 from vnav.core.mapping import LOST, FrameFeatures, FrameTable, Odometry
@@ -16,6 +17,7 @@ from vnav.masking.view import Blocks
 from vnav.registration.dense import DenseEstimate
 from vnav.tracking.dense_tracking import DenseTracker
 from vnav.tracking.feature_tracking import FeatureTracker, are_degenerate
+from vnav.tracking.followed_frames import FollowedFrames
 from vnav.tracking.keyframes import is_new_view
 from vnav.tracking.map_tracking import MapTracker
 from vnav.tracking.masked_tracking import MaskedTracker
@@ -31,6 +33,9 @@ class VisualOdometry:
         self._config = config
         self._motion = ConstantVelocity()
         self._features = FeatureTracker(config, self._motion)
+        self._followed = None
+        if config.tracking.method != DESCRIPTORS:
+            self._followed = FollowedFrames(config, self._features, self._motion)
         self._masked = MaskedTracker(config, self._features, self._motion)
         self._dense = DenseTracker(config)
         self._map = MapTracker(config, self._motion)
@@ -43,8 +48,7 @@ class VisualOdometry:
     def add(self, features: FrameFeatures, frame: Frame, image: ReducedFrame) -> bool:
         """Track the next frame; True where it becomes a keyframe."""
         self._motion.predict(frame.stamp_s)
-        current = TrackedFrame(features, image.moving(self._motion.twist), frame.intrinsics)
-        current, choice = self._masked.track(current)
+        current, choice = self._tracked(features, frame, image.moving(self._motion.twist))
         features, frame = current.features, self._masked.without_moving(frame)
         dense = self._align_where_degenerate(frame, choice.estimates)
         if dense and are_degenerate(choice.estimates):
@@ -55,13 +59,15 @@ class VisualOdometry:
             self.skip(features.row, f"{count} features with depth")
             return False
         degenerate = self._record(features.row, choice, dense)
-        probability = min((e.probability for e in choice.estimates.values()), default=1.0)
-        self._edges[features.row] += self._map.track(features.row, frame, probability)
+        self._edges[features.row] += self._map.track(features.row, frame, choice.probability)
         self._dense.remember(features.row, frame, degenerate)
-        is_keyframe = has_features and not degenerate and self._is_keyframe(choice.estimates)
+        is_keyframe = has_features and not (degenerate or current.is_followed)
+        is_keyframe = is_keyframe and self._is_keyframe(choice.estimates)
         if has_features:
             moving = replace(current, image=current.image.moving(self._motion.twist))
             self._features.remember(moving, is_keyframe)
+            if self._followed is not None:
+                self._followed.remember(moving, frame)
         if is_keyframe:
             self._map.add(features, frame, choice.estimates)
         self._masked.remember(features.row, is_keyframe)
@@ -103,6 +109,20 @@ class VisualOdometry:
             alternatives=tuple(e for e in others if segment[e.i] != LOST),
             moving_share=masks.shares(len(frames)),
         )
+
+    def _tracked(
+        self, features: FrameFeatures, frame: Frame, image: ReducedFrame
+    ) -> tuple[TrackedFrame, ChosenMotions]:
+        """The frame without what moves, and its motions from earlier ones by features."""
+        if self._followed is None:
+            current = TrackedFrame(features, image, frame.intrinsics)
+            return self._masked.track(current, self._features.track(current))
+        current, choice = self._masked.track(*self._followed.track(features.row, frame, image))
+        if not (current.is_followed and self._is_keyframe(choice.estimates)):
+            return current, choice
+        described = self._masked.redescribed(self._followed.described(current, frame))
+        near = self._features.track_near(described, choice)
+        return (described, near) if near.estimates else (current, choice)
 
     def _align_where_degenerate(self, frame: Frame, estimates: Motions) -> dict[int, DenseEstimate]:
         """The motion from the last frame by all pixels, where features leave either degenerate."""

@@ -1,0 +1,47 @@
+"""Frames described: their features, each with its 3D point where depth tells it."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vnav.config import Config
+from vnav.core.arrays import Array, Floats
+from vnav.core.descriptor_space import UNDESCRIBED
+from vnav.core.frame import Features, Frame
+from vnav.core.mapping import FrameFeatures
+from vnav.features import front_end
+from vnav.features.lifting import lift
+
+NOWHERE, NOTHING = np.zeros((0, 2), np.float32), np.zeros((0, 3), np.float32)
+
+
+class FrameDescriber:
+    """Finds and describes features by the front-end of the settings; for several threads."""
+
+    def __init__(self, config: Config) -> None:
+        self._config = config
+        self._front_end = front_end(config.features)
+
+    def describe(self, row: int, frame: Frame) -> FrameFeatures:
+        """The features of a frame, whose row in the frame table is given."""
+        features = self._front_end.extract(frame.color)
+        return FrameFeatures(row, features, points_of(features.keypoints_px, frame, self._config))
+
+
+def points_of(
+    keypoints_px: NDArray[np.float32], frame: Frame, config: Config
+) -> NDArray[np.float32]:
+    """3D points (N, 3) of keypoints (N, 2) as `lift` gives them; NaN beyond ``max_depth_m``."""
+    farthest = config.odometry.max_depth_m
+    near = np.where(frame.depth_m <= farthest, frame.depth_m, np.float32(0))
+    return lift(keypoints_px, near, frame.intrinsics, config.registration)
+
+
+def undescribed(
+    row: int, keypoints_px: Array | Floats = NOWHERE, points_camera: Array | Floats = NOTHING
+) -> FrameFeatures:
+    """Keypoints (N, 2) with their 3D points (N, 3) of a frame, without descriptors."""
+    none = np.zeros(len(keypoints_px), np.float32)
+    described = np.zeros((len(none), 0), np.uint8)
+    px = keypoints_px.astype(np.float32)
+    features = Features(px, described, none, none, none, UNDESCRIBED)
+    return FrameFeatures(row, features, points_camera.astype(np.float32))

@@ -1,0 +1,93 @@
+"""Frames that show the points of an earlier one: only where few are left is a frame described.
+
+A frame is followed by the points of the last described one: it has their descriptors, at the pixels
+where a tracker finds them, and 3D points by its own depth. Source: 001 sections 1 and 5.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vnav.config import Config
+from vnav.core import se3
+from vnav.core.frame import Frame
+from vnav.core.mapping import FrameFeatures
+from vnav.core.reduced_frame import ReducedFrame
+from vnav.features.description import FrameDescriber, points_of
+from vnav.tracking.feature_tracking import FeatureTracker, are_degenerate
+from vnav.tracking.motion import ConstantVelocity
+from vnav.tracking.pose_choice import ChosenMotions, TrackedFrame
+from vnav.tracking.trackers import Tracker, tracker
+
+CELL_PX = 20  # edge of the square of pixels of which the strongest point is followed
+
+
+@dataclass(frozen=True)
+class Source:
+    """The frame whose points are followed, and what finds them."""
+
+    points: FrameFeatures
+    tracker: Tracker
+
+
+class FollowedFrames:
+    """Gives frames the points of the last described one, or describes them."""
+
+    def __init__(self, config: Config, features: FeatureTracker, motion: ConstantVelocity) -> None:
+        self._config, self._features, self._motion = config, features, motion
+        self._describer = FrameDescriber(config)
+        self._source: Source | None = None
+
+    def track(
+        self, row: int, frame: Frame, image: ReducedFrame
+    ) -> tuple[TrackedFrame, ChosenMotions]:
+        """The next frame with its features, and its motions from earlier ones.
+
+        Followed, unless too few points are left or these do not tell the motion.
+        """
+        points = self._followed(row, frame)
+        if points is not None:
+            current = TrackedFrame(points, image, frame.intrinsics, is_followed=True)
+            choice = self._features.track_nearest(current)
+            if not are_degenerate(choice.estimates):
+                return current, choice
+        current = TrackedFrame(self._describer.describe(row, frame), image, frame.intrinsics)
+        return current, self._features.track(current)
+
+    def described(self, followed: TrackedFrame, frame: Frame) -> TrackedFrame:
+        """A followed frame with features of its own."""
+        features = self._describer.describe(followed.features.row, frame)
+        return replace(followed, features=features, is_followed=False)
+
+    def remember(self, current: TrackedFrame, frame: Frame) -> None:
+        """Follow the points of a frame from now on, if its features are its own."""
+        if not current.is_followed:
+            points = _spread(current.features)
+            found_by = tracker(frame.color, points.features, self._config)
+            self._source = Source(points, found_by)
+
+    def _followed(self, row: int, frame: Frame) -> FrameFeatures | None:
+        """The points that are found again in a frame, if those are enough."""
+        source, motion = self._source, None
+        if source is not None:
+            motion = self._motion.predicted(source.points.row)
+        if source is None or motion is None:
+            return None
+        in_camera = se3.transform(se3.inverse(motion), source.points.points_camera)
+        px = source.tracker.find(frame.color, frame.intrinsics.project(in_camera))
+        found = np.isfinite(px[:, 0])
+        if found.sum() < self._config.tracking.min_points:
+            return None
+        features = replace(source.points.features[found], keypoints_px=px[found])
+        return FrameFeatures(row, features, points_of(px[found], frame, self._config))
+
+
+def _spread(frame: FrameFeatures) -> FrameFeatures:
+    """The strongest of the features with depth in each cell of the image."""
+    px, scores = frame.features.keypoints_px, frame.features.scores
+    rows = np.flatnonzero(frame.has_depth)
+    rows = rows[np.argsort(-scores[rows], kind="stable")]
+    _, first = np.unique(px[rows] // CELL_PX, axis=0, return_index=True)
+    kept: NDArray[np.intp] = np.sort(rows[first])
+    return FrameFeatures(frame.row, frame.features[kept], frame.points_camera[kept])
