@@ -1,5 +1,7 @@
 """One exception tree; every message says what was expected, what was found, where, what to do."""
 
+MEND = "build the map anew with 'vnav build-map CAPTURE --fresh'"  # what to do of a damaged map
+
 
 class VnavError(Exception):
     """Something a user can mend; the command line prints it as one line and exits with 1."""

@@ -12,7 +12,7 @@ import octomap
 from numpy.typing import NDArray
 
 from vnav.core.arrays import frozen
-from vnav.errors import MapError, VnavError
+from vnav.errors import MEND, MapError, VnavError
 
 BINARY_HEADER = b"# Octomap OcTree binary file"
 HEADER = b"# Octomap OcTree file"
@@ -60,7 +60,7 @@ class Octree:
         except ValueError as error:
             raise MapError(
                 f"expected a whole octree in {path}, found {len(content)} bytes that are none;"
-                " build the map anew with 'vnav build-map CAPTURE --fresh'"
+                f" {MEND}"
             ) from error
 
     @property

@@ -27,7 +27,7 @@ from vnav.core.mapping import (
 from vnav.core.point_cloud import Mesh, PointCloud
 from vnav.core.reduced_frame import in_pixels
 from vnav.core.trajectory import Trajectory
-from vnav.errors import MapError
+from vnav.errors import MEND, MapError
 from vnav.io.files import write_text
 from vnav.io.formats.arrays_file import Arrays, save_arrays
 from vnav.io.formats.grid_files import read_grid, write_grid, write_walked
@@ -39,7 +39,6 @@ from vnav.io.store.schemas import load_table
 
 Kind = TypeVar("Kind")
 DEPTH_UNITS_PER_METRE = 5000  # of the keyframes' depth images: 0.2 mm steps up to 13.1 m
-MEND = "build the map anew with 'vnav build-map CAPTURE --fresh'"
 
 
 def map_camera(folder: MapFolder, capture: int = 0) -> Intrinsics:
@@ -181,8 +180,7 @@ def _keyframe_image(folder: MapFolder, row: int, kind: str, flags: int) -> Any:
     image = cv2.imdecode(np.fromfile(path, np.uint8), flags)
     if image is None:
         raise MapError(
-            f"expected a keyframe's image in {path}, found none that can be read;"
-            " build the map anew with 'vnav build-map CAPTURE --fresh'"
+            f"expected a keyframe's image in {path}, found none that can be read; {MEND}"
         )
     return image
 

@@ -19,7 +19,7 @@ from pathlib import Path
 from typing import Any
 
 from vnav import __version__
-from vnav.errors import MapError, StaleArtifact
+from vnav.errors import MEND, MapError, StaleArtifact
 from vnav.io.files import read_text, write_text
 from vnav.io.store.map_lock import NAME as LOCK
 from vnav.io.store.map_lock import unwritable
@@ -332,10 +332,7 @@ def _unsealed(values: dict[str, Any], path: Path) -> dict[str, Any]:
     except ValueError:  # a number that vnav writes into no JSON
         is_whole = False
     if not is_whole:
-        raise StaleArtifact(
-            f"expected {path} as vnav wrote it, found another content; build the map anew with"
-            " 'vnav build-map CAPTURE --fresh'"
-        )
+        raise StaleArtifact(f"expected {path} as vnav wrote it, found another content; {MEND}")
     return values
 
 

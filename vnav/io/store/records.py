@@ -5,7 +5,7 @@ from typing import Any, TypedDict, TypeVar
 
 import msgspec
 
-from vnav.errors import MapError
+from vnav.errors import MEND, MapError
 from vnav.io.files import read_bytes
 
 Kind = TypeVar("Kind")
@@ -67,10 +67,7 @@ def checked(values: Any, kind: type[Kind], where: object) -> Kind:
     try:
         msgspec.convert(values, kind)
     except msgspec.ValidationError as error:
-        raise MapError(
-            f"expected {where} as vnav writes it, found: {error}; build the map anew with"
-            " 'vnav build-map CAPTURE --fresh'"
-        ) from error
+        raise MapError(f"expected {where} as vnav writes it, found: {error}; {MEND}") from error
     found: Kind = values
     return found
 
@@ -89,7 +86,4 @@ def require_inside(names: dict[str, str], where: object) -> None:
     for name in names:
         path = PurePosixPath(name)
         if path.is_absolute() or ".." in path.parts:
-            raise MapError(
-                f"expected files below their stage in {where}, found '{name}'; build the map anew"
-                " with 'vnav build-map CAPTURE --fresh'"
-            )
+            raise MapError(f"expected files below their stage in {where}, found '{name}'; {MEND}")
