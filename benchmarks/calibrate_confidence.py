@@ -1,6 +1,6 @@
 """Fits the odds by which finding a photo judges its poses, on synthetic scenes with true poses.
 
-    python benchmarks/calibrate_confidence.py [--out DIR] [--front-end NAME] [--record]
+    python benchmarks/calibrate_confidence.py [--out DIR] [--front-end NAME] [--seed 0] [--record]
     python benchmarks/calibrate_confidence.py --check MAP CAPTURE [--record]
 
 prints how often answers of each confidence are right: on the scenes, or on a capture with
@@ -221,6 +221,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     parser.add_argument("--out", type=Path, default=Path("bench/confidence"))
     parser.add_argument("--check", nargs=2, type=Path, metavar=("MAP", "CAPTURE"))
+    parser.add_argument("--seed", type=int, default=0, help="of the first scene")
     parser.add_argument("--front-end", choices=FRONT_ENDS, default="sift")
     add_record_option(parser)
     options = parser.parse_args()
@@ -230,15 +231,16 @@ def main() -> None:
         found = reliability(capture.name, photos, odds_of(load_descriptor_space(folder)))
         print(table(found))
     else:
-        found = calibrated(options.out, options.front_end)
+        found = calibrated(options.out, options.front_end, options.seed)
     if options.record:
         on = options.check[1].name if options.check else f"rendered_{options.front_end}"
         record(f"photos_{on}_confidence", "how often right", found)
 
 
-def calibrated(out: Path, front_end: str) -> list[Measurement]:
+def calibrated(out: Path, front_end: str, seed: int) -> list[Measurement]:
     """Print the constants of today and those that fit best; how reliable those of today are."""
-    roots = [out / f"{scene}{k}" for k, (scene, *_) in enumerate(SCENES)]
+    numbered = list(enumerate(SCENES, seed))
+    roots = [out / f"{scene}{k}" for k, (scene, *_) in numbered]
     maps = [
         synthetic_map(
             root,
@@ -246,7 +248,7 @@ def calibrated(out: Path, front_end: str) -> list[Measurement]:
             off_m,
             front_end,
         )
-        for k, (root, (scene, frames, sensor, off_m)) in enumerate(zip(roots, SCENES, strict=True))
+        for root, (k, (scene, frames, sensor, off_m)) in zip(roots, numbered, strict=True)
     ]
     captures = [root / "capture" for root in roots]
     known = [

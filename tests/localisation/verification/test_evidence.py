@@ -3,7 +3,16 @@ from math import comb, exp
 import numpy as np
 import pytest
 
-from vnav.localisation.verification.evidence import RATES, TRIES, Evidence, evidence, posterior
+from vnav.core.descriptor_space import DescriptorSpace
+from vnav.localisation.verification.evidence import (
+    ODDS,
+    RATES,
+    TRIES,
+    Evidence,
+    evidence,
+    odds_of,
+    posterior,
+)
 from vnav.localisation.verification.image_cells import COLUMNS, ROWS, cell_counts
 from vnav.localisation.verification.projection_matching import ProjectionMatches
 
@@ -109,3 +118,9 @@ def test_the_likelihoods_of_all_counts_add_up():
         logs = [getattr(evidence(np.array([[k], [5]])), kind) for k in range(6)]
         total = sum(comb(5, k) * np.exp(log) for k, log in enumerate(logs))
         np.testing.assert_allclose(total, 1.0)
+
+
+def test_a_front_end_has_its_own_odds_and_one_that_none_were_fitted_for_has_sifts():
+    of = [DescriptorSpace(name, "uint8", 32, "hamming", 64.0) for name in ("orb", "foreign")]
+    assert [odds_of(space) for space in of] == [ODDS["orb"], ODDS["sift"]]
+    assert ODDS["orb"] != ODDS["sift"]

@@ -50,7 +50,10 @@ class Odds:
     unmapped_rival: float = 0.002  # share of unmapped places that look like a rival
 
 
-ODDS = {"sift": Odds()}  # by front-end
+ODDS = {  # by front-end
+    "sift": Odds(),
+    "orb": Odds(10.5, (0.033, 19.4), (18.0, 0.23), (5.7, 3.9)),
+}
 
 
 @dataclass(frozen=True)
