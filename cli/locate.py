@@ -100,14 +100,17 @@ def _tell(answers: "Answers", as_json: bool, alone: bool) -> None:
     """Answers on stdout, what is doubtful about them on stderr."""
     from vnav.localisation.verdict.answer import PhotoAnswer, summary
 
+    warned = set[str]()
     if as_json:
         said = [answer.as_dict() for answer in answers]
         click.echo(json.dumps(said[0] if alone else said, indent=1, allow_nan=False))
     for answer in answers:
         if not as_json:
             say(summary(answer))
-        for warning in answer.warnings if isinstance(answer, PhotoAnswer) else ():
+        new = set(answer.warnings) - warned if isinstance(answer, PhotoAnswer) else set()
+        for warning in sorted(new):
             warn(warning)
+        warned |= new
 
 
 def _pictures(photos: Sequence[Path], overlay: Path, alone: bool) -> dict[Path, Path]:

@@ -98,7 +98,7 @@ def plan(
 
     mapped = open_map(map_dir)
     answer = mapped.plan(start, goal, camera=camera, config=resolved)
-    for warning in answer.warnings:
+    for warning in dict.fromkeys(answer.warnings):
         warn(warning)
     if csv_file and answer.found:
         write_csv(csv_file, answer.found)

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from vnav.core.tree import CHUNK, VocabularyTree
+from vnav.core.tree import CHUNK, FINEST, VocabularyTree
 from vnav.features.sift import SPACE
 
 
@@ -55,3 +55,39 @@ def test_arrays_give_the_tree_back(tree: VocabularyTree) -> None:
     again = VocabularyTree(**tree.to_arrays(), space=SPACE)
     for name, array in tree.to_arrays().items():
         np.testing.assert_array_equal(array, again.to_arrays()[name])
+
+
+@pytest.mark.parametrize(
+    ("level", "counted_from", "from_root"),
+    [(1, "root", 1), (1, "leaves", 1), (0, "leaves", 2), (2, "leaves", 0), (7, "root", 7)],
+)
+def test_levels_count_from_the_root_or_from_the_deepest_leaves(
+    tree: VocabularyTree, level: int, counted_from: str, from_root: int
+) -> None:
+    assert tree.from_root(level, counted_from) == from_root
+
+
+@pytest.mark.parametrize("counted_from", ["root", "leaves"])
+def test_the_finest_level_is_that_of_the_leaves(tree: VocabularyTree, counted_from: str) -> None:
+    assert tree.from_root(FINEST, counted_from) == tree.levels
+
+
+def test_the_nearest_leaves_are_told_nearest_first(tree: VocabularyTree) -> None:
+    """Of 58, node 1 (at 10) is 48 away, node 3 (at 90) 32, node 4 (at 110) 52."""
+    assert tree.nearest_leaves(descriptors(58), 3).tolist() == [[3, 1, 4]]
+
+
+def test_leaves_that_are_not_there_are_no_nodes(tree: VocabularyTree) -> None:
+    assert tree.nearest_leaves(descriptors(100), 5).tolist() == [[3, 4, 1, -1, -1]]
+
+
+def test_of_each_level_only_the_nearest_nodes_are_followed(tree: VocabularyTree) -> None:
+    """Of 54, node 1 (at 10) is 44 away and node 2 (at 100) 46: its leaf at 90 is not looked at."""
+    assert tree.nearest_leaves(descriptors(54), 1).tolist() == [[1]]
+    assert tree.nearest_leaves(descriptors(54), 2).tolist() == [[3, 1]]
+
+
+def test_a_root_alone_is_the_nearest_leaf() -> None:
+    one = np.zeros(1, np.int32)
+    root = VocabularyTree(np.zeros((1, 128), np.uint8), one, one, one, SPACE)
+    assert root.nearest_leaves(descriptors(5), 2).tolist() == [[0, -1]]

@@ -23,6 +23,13 @@ TRACKERS: Registry = {
     DESCRIPTORS: "vnav.tracking.trackers.descriptors:DescriptorTracker",
     "klt": "vnav.tracking.trackers.klt:KltTracker",
 }
+SEARCHES: Registry = {
+    "compound": "vnav.localisation.search.methods:CompoundSearch",
+    "interleaved": "vnav.localisation.search.methods:InterleavedSearch",
+    "2d3d": "vnav.localisation.search.methods:SearchOf2d3d",
+    "3d2d": "vnav.localisation.search.methods:SearchOf3d2d",
+    "tree": "vnav.localisation.search.methods:TreeSearch",
+}
 
 
 def registered(registry: Registry, name: str) -> Any:

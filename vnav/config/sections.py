@@ -5,7 +5,7 @@ Ranges end where the code could do nothing with a value, or nothing a person cou
 
 from dataclasses import dataclass
 
-from vnav.config.registries import FRONT_ENDS, MASKS, TRACKERS
+from vnav.config.registries import FRONT_ENDS, MASKS, SEARCHES, TRACKERS
 from vnav.config.setting import Section, choice, flag, number, section, whole
 from vnav.config.shipped import preset_cameras
 
@@ -479,13 +479,23 @@ class LocateConfig(Section, path="locate"):
         "largest number of features of a photo; the strongest are kept",
     )
     min_features: int = whole(30, "[1, 100000]", "features", "a photo with fewer is not located")
-    level_2d_3d: int = whole(
-        5,
-        "[0, 20]",
-        "level",
-        "tree level of the search from photo to map; the root is 0; clamped to the tree",
+    search: str = choice(
+        "compound",
+        lambda: tuple(SEARCHES),
+        "how matches are sought: 2D-3D, then 3D-2D in each cluster; 3D-2D around each 2D-3D match"
+        " as it is found; one direction alone; in the leaves of the tree nearest to a feature",
     )
-    level_3d_2d: int = whole(2, "[0, 20]", "level", "tree level of the search from map to photo")
+    levels_from: str = choice(
+        "root",
+        lambda: ("root", "leaves"),
+        "where levels are counted from, which is level 0; leaves: the deepest of them",
+    )
+    level_2d_3d: int = whole(
+        -1, "[-1, 20]", "level", "tree level of the search from photo to map; -1: the finest"
+    )
+    level_3d_2d: int = whole(
+        2, "[-1, 20]", "level", "tree level of the search from map to photo; -1: the finest"
+    )
     ratio_2d_3d: float = number(
         0.75, "(0, 1]", "ratio", "ratio test of the search from photo to map"
     )

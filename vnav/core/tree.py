@@ -11,6 +11,7 @@ from vnav.core.arrays import Floats, frozen
 from vnav.core.descriptor_space import DescriptorSpace
 
 CHUNK = 512  # descriptors quantised at once, so that their candidate centres stay in the cache
+FINEST = -1  # the level of the leaves, however deep the tree is
 
 
 @dataclass(frozen=True)
@@ -51,8 +52,18 @@ class VocabularyTree:
         """Number of leaves."""
         return int((self.children == 0).sum())
 
+    def from_root(self, level: int, counted_from: str) -> int:
+        """A level as counted from the root, where it is counted from the "root" or the "leaves".
+
+        The deepest leaves are level 0 of those counted from the leaves. `FINEST` is theirs in
+        either case. The tree need not have the level.
+        """
+        if level == FINEST:
+            return self.levels
+        return level if counted_from == "root" else self.levels - level
+
     def clamped(self, level: int) -> int:
-        """The level that is asked for, or the nearest that exists."""
+        """A level counted from the root, or the nearest that exists."""
         return min(max(level, 0), self.levels)
 
     @cached_property
@@ -91,6 +102,37 @@ class VocabularyTree:
             gain[absent] = -np.inf
             best = gain.argmax(1)
             paths[inner, level + 1] = child[np.arange(len(best)), best]
+
+    def nearest_leaves(self, descriptors: NDArray[Any], count: int) -> NDArray[np.int32]:
+        """At most ``count`` leaves (N, count) near descriptors (N, D), the nearest first, else -1.
+
+        Greedy N-best paths (Schindler, Brown, Szeliski 2007): of each level the nearest nodes are
+        followed.
+        """
+        found = np.full((len(descriptors), count), -1, np.int32)
+        for start in range(0, len(found), CHUNK // count + 1):
+            rows = slice(start, start + CHUNK // count + 1)
+            nodes = self._best_nodes(self.space.vectors(descriptors[rows]), count)
+            found[rows, : nodes.shape[1]] = nodes
+        return found
+
+    def _best_nodes(self, descriptors: Floats, count: int) -> NDArray[np.int32]:
+        """The same for one chunk, with as many columns as there are leaves to be told."""
+        centres, half_norm = self._float_centres
+        nodes, slots = np.zeros((len(descriptors), 1), np.int32), np.arange(self.children.max())
+        for _ in range(self.levels):
+            inner = self.children[nodes, None] > 0
+            below = np.where(inner, self.first_child[nodes, None] + slots, nodes[:, :, None])
+            absent = slots >= np.maximum(self.children[nodes, None], 1)
+            absent |= (nodes < 0)[:, :, None]
+            below, absent = (part.reshape(len(nodes), -1) for part in (below, absent))
+            below = np.where(absent, 0, below)
+            gain = np.matmul(centres.take(below, 0), descriptors[:, :, None])[..., 0]
+            gain -= half_norm[below]
+            gain[absent] = -np.inf
+            best = np.argsort(-gain, 1, kind="stable")[:, :count]
+            nodes = np.take_along_axis(np.where(absent, -1, below), best, 1).astype(np.int32)
+        return nodes
 
     def to_arrays(self) -> dict[str, NDArray[Any]]:
         """What must be stored to get the tree back."""

@@ -33,8 +33,7 @@ class LandmarkDatabase:
         return self.index.seen_by[self.index.seen_start[:-1]]
 
     def words(self, rows: Rows, level: int) -> NDArray[np.int32]:
-        """Nodes at a level of the tree (clamped to it) of some rows of descriptors."""
-        level = self.tree.clamped(level)
+        """Nodes at a level of the tree, from the root, of some rows of descriptors."""
         if level not in self._words:
             is_leaf = self.tree.children == 0
             at_level = (self.tree.level == level) | ((self.tree.level < level) & is_leaf)

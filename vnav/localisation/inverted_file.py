@@ -36,11 +36,13 @@ class InvertedFile:
 def nearest_distinct(
     queries: NDArray[Any], span: NDArray[np.int32], file: InvertedFile, count: int
 ) -> tuple[Rows, Floats]:
-    """The ``count`` nearest rows of the file (Q, count) in each query's range, and distances.
+    """The ``count`` nearest rows of the file (Q, count) in each query's ranges, and distances.
 
-    ``queries`` (Q, W), ``span`` (Q, 2), none empty. Each row lies elsewhere than the nearer ones;
-    where there are no more, the distance is inf. Linear search, as in claim 4, 2.4.
+    ``queries`` (Q, W), ``span`` (Q, 2) or (Q, R, 2): of each query one is not empty. Each row lies
+    elsewhere than the nearer ones; where there are no more, the distance is inf. Linear search, as
+    in claim 4, 2.4.
     """
+    span = span.reshape(len(queries), -1, 2)
     queries, descriptors = map(file.space.comparable, (queries, file.descriptors))
     rows, squared = _nearest_distinct(
         queries, span, descriptors, file.position, file.same_within, count
@@ -59,21 +61,25 @@ def _nearest_distinct(
 ) -> tuple[Rows, Floats]:
     rows = np.empty((len(queries), count), np.intp)
     squared = np.full((len(queries), count), np.inf, np.float32)
-    left = np.empty((span[:, 1] - span[:, 0]).max() if len(span) else 0, np.float32)
+    most = (span[:, :, 1] - span[:, :, 0]).sum(1).max() if len(span) else 0
+    row_of, left = np.empty(most, np.intp), np.empty(most, np.float32)
     for q in range(len(queries)):
-        begin, end = span[q]
-        rows[q] = begin
-        for row in range(begin, end):
-            left[row - begin] = squared_distance(queries[q], descriptors[row])
-        for k in range(count):
-            nearest = begin + left[: end - begin].argmin()
-            if left[nearest - begin] == np.inf:
-                break
-            rows[q, k], squared[q, k] = nearest, left[nearest - begin]
+        size = 0
+        for begin, end in span[q]:
             for row in range(begin, end):
+                row_of[size], left[size] = row, squared_distance(queries[q], descriptors[row])
+                size += 1
+        rows[q] = row_of[0]
+        for k in range(count):
+            nearest = left[:size].argmin()
+            if left[nearest] == np.inf:
+                break
+            found = row_of[nearest]
+            rows[q, k], squared[q, k] = found, left[nearest]
+            for n in range(size):
                 for d in range(position.shape[1]):
-                    if not abs(position[row, d] - position[nearest, d]) < same_within:
+                    if not abs(position[row_of[n], d] - position[found, d]) < same_within:
                         break
                 else:
-                    left[row - begin] = np.inf
+                    left[n] = np.inf
     return rows, squared

@@ -7,6 +7,7 @@ from typing import Protocol
 import numpy as np
 
 from vnav.config import LocateConfig
+from vnav.core.tree import VocabularyTree
 from vnav.localisation.database import LandmarkDatabase
 from vnav.localisation.matches import Correspondences2D3D, Matches
 from vnav.localisation.photo import Photo
@@ -42,6 +43,16 @@ class Query:
         """How near a feature must lie to a landmark's projection to agree with it."""
         return self.config.ransac_threshold_px * self.photo.pixel_scale
 
+    @property
+    def level_2d_3d(self) -> int:
+        """Level of the tree, from the root, whose words are searched from photo to map."""
+        return existing_level(self.config.level_2d_3d, self.config, self.database.tree)
+
+    @property
+    def level_3d_2d(self) -> int:
+        """Level of the tree, from the root, whose words are searched from map to photo."""
+        return existing_level(self.config.level_3d_2d, self.config, self.database.tree)
+
     def correspondences(self, matches: Matches, view: View | None = None) -> Correspondences2D3D:
         """Points and pixels of the matches; their variance from a view on, where there is one.
 
@@ -63,6 +74,27 @@ class Query:
             errors = pose.view.squared_errors(points.points_world, points.px)
             left &= errors >= self.inlier_threshold_px**2
         return matches[left]
+
+
+def existing_level(level: int, config: LocateConfig, tree: VocabularyTree) -> int:
+    """A level of the settings as counted from the root, or the nearest that the tree has."""
+    return tree.clamped(tree.from_root(level, config.levels_from))
+
+
+def missing_levels(config: LocateConfig, tree: VocabularyTree) -> tuple[str, ...]:
+    """A sentence for each level of the settings that the tree does not have."""
+    said = []
+    for name in ("level_2d_3d", "level_3d_2d"):
+        level = getattr(config, name)
+        nearest = existing_level(level, config, tree)
+        if tree.from_root(level, config.levels_from) != nearest:
+            taken = nearest if config.levels_from == "root" else tree.levels - nearest
+            said.append(
+                f"expected locate.{name} to be a level of the map's vocabulary tree, 0 to"
+                f" {tree.levels} from the {config.levels_from}, found {level}: level {taken} is"
+                " searched"
+            )
+    return tuple(said)
 
 
 def min_matches(poses: Sequence[SupportedPose]) -> int:

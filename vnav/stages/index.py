@@ -24,7 +24,7 @@ from vnav.localisation.database import LandmarkDatabase
 from vnav.localisation.indexing import MappedKeyframe, build
 from vnav.localisation.localise import localise
 from vnav.localisation.photo import prepare
-from vnav.localisation.query import Query
+from vnav.localisation.query import Query, missing_levels
 from vnav.localisation.verdict.decision import Located
 from vnav.threads import one_blas_thread
 from vnav.volumes.octree import Octree
@@ -60,7 +60,8 @@ def run(folder: MapFolder, config: Config, *, progress: Progress = silent) -> Re
     values = {"landmarks": len(index.points_world), "descriptors": len(index.descriptors)}
     values |= {"retired": int(retired.sum())}
     values |= {"keyframes_asked": asked, "keyframes_found": found}
-    return finished(folder, Report(STAGE, values, _lines(values)), started)
+    missing = missing_levels(config.locate, tree)
+    return finished(folder, Report(STAGE, values, _lines(values), missing), started)
 
 
 def _lines(values: dict[str, int]) -> tuple[str, ...]:

@@ -36,7 +36,7 @@ from vnav.io.store.tree_file import load_tree
 from vnav.localisation.database import LandmarkDatabase
 from vnav.localisation.localise import localise
 from vnav.localisation.photo import prepare
-from vnav.localisation.query import Query
+from vnav.localisation.query import Query, missing_levels
 from vnav.localisation.verdict.answer import IMAGE, PhotoAnswer, UnreadablePhoto, summary
 from vnav.localisation.verdict.decision import Located, NotLocated
 from vnav.localisation.verdict.uncertainty import focal_length_check
@@ -187,10 +187,11 @@ def _answer(
     result: Located | NotLocated,
     seconds: dict[str, float],
 ) -> PhotoAnswer:
+    warnings = missing_levels(query.config, query.database.tree)
     if isinstance(result, NotLocated):
         reason = result.reason + _flaw(image)
-        return PhotoAnswer(path, query.photo, camera, result, reason, (), seconds)
-    warnings = _doubts(path, result, query) if camera.source == "assumed" else ()
+        return PhotoAnswer(path, query.photo, camera, result, reason, warnings, seconds)
+    warnings += _doubts(path, result, query) if camera.source == "assumed" else ()
     return PhotoAnswer(path, query.photo, camera, result, "", warnings, seconds)
 
 

@@ -35,7 +35,7 @@ def test_the_fullest_candidate_is_where_the_photo_was_taken(world):
 
 def test_from_a_few_matches_their_landmarks_neighbours_are_found(world):
     query = query_of(world)
-    few = search(query).candidates[0].matches_2d_3d[np.arange(20)]
+    few = search(query).candidates[0].seeds[np.arange(20)]
     found = match_3d_2d(few, query)
     assert len(found) > 2 * len(few)
     assert np.isin(few.landmark, found.landmark).mean() > 0.9
@@ -43,14 +43,14 @@ def test_from_a_few_matches_their_landmarks_neighbours_are_found(world):
 
 def test_enough_matches_are_not_added_to(world):
     query = query_of(world)
-    few = search(query).candidates[0].matches_2d_3d[np.arange(20)]
+    few = search(query).candidates[0].seeds[np.arange(20)]
     satisfied = dataclasses.replace(query.config, enough_matches=20)
     assert match_3d_2d(few, dataclasses.replace(query, config=satisfied)) is few
 
 
 def test_the_votes_are_the_most_matches_of_a_cluster(world):
     found = search(query_of(world))
-    assert len(found.candidates[0].matches_2d_3d) <= found.votes <= len(found.matches)
+    assert len(found.candidates[0].seeds) <= found.votes <= len(found.matches)
 
 
 def test_what_two_rooms_have_in_common_is_found_in_both_only_when_repeats_are_asked_for(twin_world):

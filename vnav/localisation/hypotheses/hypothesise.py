@@ -56,7 +56,7 @@ def _poses_of(
     """
     found: list[PoseHypothesis] = []
     matches, enough = query.unexplained(candidate.matches, known), query.config.min_inliers
-    if len(query.unexplained(candidate.matches_2d_3d, known)) < MIN_MATCHES:
+    if len(query.unexplained(candidate.seeds, known)) < MIN_MATCHES:
         return found
     for _ in range(ATTEMPTS):
         hypothesis = pose_of(matches, min_matches([*known, *found]), query, rng)

@@ -8,23 +8,22 @@ from vnav.core.arrays import Rows
 from vnav.localisation.matches import Matches
 from vnav.localisation.query import MIN_MATCHES, Query
 from vnav.localisation.search.covisibility import covisibility_clusters, keyframe_votes
-from vnav.localisation.search.matches_2d_3d import match_2d_3d
-from vnav.localisation.search.matches_3d_2d import match_3d_2d
+from vnav.localisation.search.methods import SearchMethod, search_method
 
 MAX_REPEATS = 4  # places that a feature may match in
 
 
 @dataclass(frozen=True)
 class Candidate:
-    """A covisibility cluster of 2D-3D matches, and those with the 3D-2D matches around them."""
+    """A covisibility cluster of matches, and the same with more that these lead to."""
 
-    matches_2d_3d: Matches
+    seeds: Matches
     matches: Matches
 
 
 @dataclass(frozen=True)
 class SearchResult:
-    """All 2D-3D matches, the most that one covisibility cluster holds, and the candidates."""
+    """All matches in the map, the most that one covisibility cluster holds, and the candidates."""
 
     matches: Matches
     votes: int
@@ -33,8 +32,8 @@ class SearchResult:
 
 def search(query: Query) -> SearchResult:
     """Where the photo's features match best: each with its nearest landmark, where it is clear."""
-    features = np.arange(len(query.photo.features))
-    return _search_result(match_2d_3d(features, 1, query), MIN_MATCHES, query)
+    method, features = search_method(query.config.search), np.arange(len(query.photo.features))
+    return _search_result(method, method.matches(features, 1, query), MIN_MATCHES, query)
 
 
 def search_repeated(features: Rows, min_votes: int, query: Query) -> SearchResult:
@@ -43,12 +42,15 @@ def search_repeated(features: Rows, min_votes: int, query: Query) -> SearchResul
     What repeats itself in the map has its second-nearest in another place and finds no match in
     `search`; here a match has rivals only in its own place.
     """
-    return _search_result(match_2d_3d(features, MAX_REPEATS, query), min_votes, query)
+    method = search_method(query.config.search)
+    return _search_result(method, method.matches(features, MAX_REPEATS, query), min_votes, query)
 
 
-def _search_result(matches: Matches, min_votes: int, query: Query) -> SearchResult:
+def _search_result(
+    method: SearchMethod, matches: Matches, min_votes: int, query: Query
+) -> SearchResult:
     index, count = query.database.index, query.config.max_clusters
     clusters = covisibility_clusters(matches, index, count, min_votes)
-    candidates = [Candidate(c.matches, match_3d_2d(c.matches, query)) for c in clusters]
+    candidates = [Candidate(c.matches, method.completed(c.matches, query)) for c in clusters]
     votes = int(keyframe_votes(matches, index).max(initial=0))
     return SearchResult(matches, votes, tuple(candidates))

@@ -4,7 +4,10 @@ Source: Sattler, Leibe, Kobbelt, "Efficient & effective prioritized matching for
 image-based localization", 2017.
 """
 
+from collections.abc import Iterator
+
 import numpy as np
+from numpy.typing import NDArray
 
 from vnav.core.arrays import Floats, Rows
 from vnav.localisation.database import LandmarkDatabase
@@ -21,14 +24,34 @@ def match_2d_3d(features: Rows, count: int, query: Query) -> Matches:
     """Matches of some features with their nearest landmark each, or their ``count`` nearest.
 
     Features with the fewest candidates come first; it ends when one covisibility cluster has enough
-    matches (claim 4, 2.9). Of one nearest, the second-nearest of the ratio test is sought in the
-    whole map, of several for each among the landmarks that are seen together with it.
+    matches (claim 4, 2.9).
+    """
+    word = query.photo.paths[:, query.level_2d_3d]
+    span = query.database.index.span[word]
+    return until_enough(match_in_ranges(features, span[:, None], count, query), query)
+
+
+def until_enough(found_in_turn: Iterator[Matches], query: Query) -> Matches:
+    """Matches one lot after the other, until one covisibility cluster has enough."""
+    index = query.database.index
+    found, votes = no_matches(), np.zeros(index.keyframes, np.intp)
+    for more in found_in_turn:
+        found, votes = found.joined(more), votes + keyframe_votes(more, index)
+        if votes.max(initial=0) >= query.config.enough_matches:
+            break
+    return found
+
+
+def match_in_ranges(
+    features: Rows, span: NDArray[np.int32], count: int, query: Query
+) -> Iterator[Matches]:
+    """Matches with the landmarks in ranges (N, R, 2) of the index' rows, ``BATCH`` features a time.
+
+    Of one nearest, the second-nearest of the ratio test is sought in all ranges, of several
+    (``count``) for each among the landmarks that are seen together with it.
     """
     photo, database, config = query.photo, query.database, query.config
-    word = photo.paths[:, database.tree.clamped(config.level_2d_3d)]
-    span = database.index.span[word]
-    queue = fewest_first(features, (span[:, 1] - span[:, 0])[features])
-    found, votes = no_matches(), np.zeros(database.index.keyframes, np.intp)
+    queue = fewest_first(features, (span[..., 1] - span[..., 0]).sum(1)[features])
     for first in range(0, len(queue), BATCH):
         chosen = queue[first : first + BATCH]
         rows, distances = nearest_distinct(
@@ -38,11 +61,7 @@ def match_2d_3d(features: Rows, count: int, query: Query) -> Matches:
         ratio = distances / bounded(second, database)
         which, rank = np.nonzero(ratio < config.ratio_2d_3d)
         row = rows[which, rank]
-        more = Matches(chosen[which], row, database.index.owner[row], ratio[which, rank])
-        found, votes = found.joined(more), votes + keyframe_votes(more, database.index)
-        if votes.max(initial=0) >= config.enough_matches:
-            break
-    return found
+        yield Matches(chosen[which], row, database.index.owner[row], ratio[which, rank])
 
 
 def fewest_first(rows: Rows, candidates: Rows) -> Rows:

@@ -4,6 +4,8 @@ Source: Sattler, Leibe, Kobbelt, "Efficient & effective prioritized matching for
 image-based localization", 2017.
 """
 
+from collections.abc import Iterator
+
 import numpy as np
 
 from vnav.core.arrays import Rows
@@ -19,23 +21,29 @@ def match_3d_2d(found: Matches, query: Query) -> Matches:
 
     Landmarks with the fewest candidates come first, until there are enough matches.
     """
-    photo, database, config = query.photo, query.database, query.config
-    rows = _neighbours(found, database)
-    span = photo.span[database.words(rows, config.level_3d_2d)]
+    searched = match_rows(_neighbours(found, query.database), query)
+    while len(found) < query.config.enough_matches and (more := next(searched, None)) is not None:
+        found = found.joined(more).one_to_one()
+    return found
+
+
+def match_rows(rows: Rows, query: Query) -> Iterator[Matches]:
+    """Matches of landmarks' descriptors (R,) with features of the photo, ``BATCH`` of them a time.
+
+    Those with the fewest candidates come first; those without any are left out.
+    """
+    photo, database = query.photo, query.database
+    span = photo.span[database.words(rows, query.level_3d_2d)]
     queue = fewest_first(np.arange(len(rows)), span[:, 1] - span[:, 0])
     for first in range(0, len(queue), BATCH):
-        if len(found) >= config.enough_matches:
-            break
         chosen = queue[first : first + BATCH]
         row = rows[chosen]
         feature, distance = nearest_distinct(
             database.index.descriptors[row], span[chosen], photo.inverted_file, 2
         )
         ratio = distance[:, 0] / bounded(distance[:, 1], database)
-        good = ratio < config.ratio_3d_2d
-        more = Matches(feature[good, 0], row[good], database.index.owner[row[good]], ratio[good])
-        found = found.joined(more).one_to_one()
-    return found
+        good = ratio < query.config.ratio_3d_2d
+        yield Matches(feature[good, 0], row[good], database.index.owner[row[good]], ratio[good])
 
 
 def _neighbours(found: Matches, database: LandmarkDatabase) -> Rows:
