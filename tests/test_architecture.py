@@ -45,7 +45,7 @@ OWNERS = {
     "cv2": {
         *("vnav.io", "vnav.features", "vnav.masking", "vnav.registration", "vnav.localisation"),
         *("vnav.synthetic", "vnav.stages", "vnav.tracking", "vnav.checking", "vnav.reporting"),
-        "vnav.threads",
+        *("vnav.vocabulary", "vnav.threads"),
     },
     "matplotlib": {"vnav.reporting"},
     "msgspec": {"vnav.io.store"},

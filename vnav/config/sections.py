@@ -331,6 +331,18 @@ class VocabularyConfig(Section, path="vocabulary"):
         "largest number that the tree is trained on",
     )
     min_leaf: int = whole(50, "[2, 1000000]", "descriptors", "a node with fewer is not split")
+    method: str = choice(
+        "hierarchical",
+        lambda: ("hierarchical", "approximate"),
+        "each node split by k-means; or flat words by approximate k-means, whose centres are"
+        " clustered again for the coarser levels",
+    )
+    words: int = whole(
+        10_000,
+        "[2, 1000000]",
+        "words",
+        "number of words of the approximate method; fewer where descriptors are few",
+    )
 
 
 @dataclass(frozen=True)

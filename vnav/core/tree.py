@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from vnav.core.arrays import Floats, frozen
 from vnav.core.descriptor_space import DescriptorSpace
+from vnav.core.map_index import ranges
 
 CHUNK = 512  # descriptors quantised at once, so that their candidate centres stay in the cache
 FINEST = -1  # the level of the leaves, however deep the tree is
@@ -26,6 +27,9 @@ class VocabularyTree:
         (nodes,) int32: number of the first child and how many; 0 children: a leaf.
     level
         (nodes,) int32, root = 0.
+    paths_followed
+        Of each level so many nodes are followed to the nearest leaf: 1 for a tree whose nodes are
+        split one by one, more for leaves that were clustered first.
     """
 
     centres: NDArray[Any]
@@ -33,6 +37,7 @@ class VocabularyTree:
     children: NDArray[np.int32]
     level: NDArray[np.int32]
     space: DescriptorSpace
+    paths_followed: int = 1
 
     def __post_init__(self) -> None:
         n = len(self.centres)
@@ -76,6 +81,8 @@ class VocabularyTree:
 
         A leaf above the deepest level repeats itself; no descriptors give no rows (claim 4, 2.2).
         """
+        if self.paths_followed > 1:
+            return self._paths_to(self.nearest_leaves(descriptors, self.paths_followed)[:, 0])
         paths = np.zeros((len(descriptors), self.levels + 1), np.int32)
         for start in range(0, len(paths), CHUNK):
             rows = slice(start, start + CHUNK)
@@ -116,6 +123,19 @@ class VocabularyTree:
             found[rows, : nodes.shape[1]] = nodes
         return found
 
+    def _paths_to(self, leaves: NDArray[np.int32]) -> NDArray[np.int32]:
+        """The nodes (N, levels + 1) from the root to leaves (N,)."""
+        inner = np.flatnonzero(self.children)
+        parent = np.zeros(len(self.level), np.int32)
+        first = self.first_child[inner]
+        which, child = ranges(first, first + self.children[inner])
+        parent[child] = inner[which]
+        paths = np.repeat(leaves[:, None], self.levels + 1, 1)
+        for level in range(self.levels - 1, -1, -1):
+            node = paths[:, level + 1]
+            paths[:, level] = np.where(self.level[node] > level, parent[node], node)
+        return paths
+
     def _best_nodes(self, descriptors: Floats, count: int) -> NDArray[np.int32]:
         """The same for one chunk, with as many columns as there are leaves to be told."""
         centres, half_norm = self._float_centres
@@ -136,9 +156,12 @@ class VocabularyTree:
 
     def to_arrays(self) -> dict[str, NDArray[Any]]:
         """What must be stored to get the tree back."""
-        return {
+        arrays = {
             "centres": self.centres,
             "first_child": self.first_child,
             "children": self.children,
             "level": self.level,
         }
+        if self.paths_followed > 1:
+            arrays["paths_followed"] = np.array(self.paths_followed, np.int32)
+        return arrays

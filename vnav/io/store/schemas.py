@@ -18,6 +18,7 @@ from vnav.io.formats.arrays_file import Arrays, load_arrays
 from vnav.io.store.map_folder import MapFolder
 
 Sizes = Mapping[str, int]  # of the dimensions that are called by a letter
+MOST_PATHS = 1000  # that are followed down a tree
 KINDS = {"whole": np.integer, "real": np.floating, "byte": np.uint8, "flag": np.bool_}
 
 
@@ -174,6 +175,7 @@ SCHEMAS = {
             "first_child": Column("whole", ("T",), 0),
             "children": Column("whole", ("T",), 0),
             "level": Column("whole", ("T",), 0),
+            "paths_followed": Column("whole", (), 1, MOST_PATHS + 1, needed=False),
         },
         {"a tree": _is_tree},
     ),

@@ -20,4 +20,6 @@ def load_tree(folder: MapFolder) -> VocabularyTree:
     """The map's tree; StaleArtifact where it was not made, MapError where it is damaged."""
     mend, space = f"run 'vnav vocabulary --map {folder.root}' again", load_descriptor_space(folder)
     arrays = load_table(folder, "vocabulary", "tree", mend, {"W": space.size})
-    return VocabularyTree(**arrays | {"centres": arrays["centres"].view(space.dtype)}, space=space)
+    followed = int(arrays.pop("paths_followed", np.array(1)))
+    arrays["centres"] = arrays["centres"].view(space.dtype)
+    return VocabularyTree(**arrays, space=space, paths_followed=followed)

@@ -18,25 +18,22 @@ from vnav.threads import one_blas_thread, one_openmp_thread
 MAX_ITERATIONS = 12  # of k-means at one node; an approximate tree quantises as well as an exact one
 
 
-def train(
-    descriptors: NDArray[Any], space: DescriptorSpace, config: VocabularyConfig, seed: int
+def grow(
+    descriptors: NDArray[Any],
+    space: DescriptorSpace,
+    config: VocabularyConfig,
+    rng: np.random.Generator,
 ) -> VocabularyTree:
-    """The tree of descriptors (N, D); N = 0 gives a root alone, where all share one word.
-
-    More than ``config.max_descriptors`` are subsampled. The same input and seed give the same
-    tree whatever the number of threads.
-    """
+    """Each node split by k-means, down to the words, which are the leaves."""
     import sklearn.cluster  # the limit of threads reaches only libraries that are loaded
 
-    rng = np.random.default_rng(seed)
-    descriptors = _subsampled(descriptors, config.max_descriptors, rng)
     trusted = sklearn.config_context(assume_finite=True, skip_parameter_validation=True)
     with (
         one_blas_thread,
         one_openmp_thread,
         trusted,
     ):  # checks take a third of the time of a small node
-        return _grow(descriptors, space, config, rng)
+        return _grown(descriptors, space, config, rng)
 
 
 def self_test() -> None:
@@ -44,13 +41,14 @@ def self_test() -> None:
     low, high = np.full((20, 128), 10, np.uint8), np.full((20, 128), 200, np.uint8)
     bytes_of_128 = DescriptorSpace("", "uint8", 128, "l2", 1.0)
     config = VocabularyConfig(branching=2, max_levels=1, min_leaf=2)
-    tree = train(np.concatenate([low, high]), bytes_of_128, config, 0)
+    rng = np.random.default_rng(0)
+    tree = grow(np.concatenate([low, high]), bytes_of_128, config, rng)
     words = tree.quantise(np.stack([low[0], high[0]]))[:, -1]
     if tree.words != 2 or words[0] == words[1]:
         raise VnavError("expected k-means to find two clusters; reinstall scikit-learn")
 
 
-def _grow(
+def _grown(
     descriptors: NDArray[Any],
     space: DescriptorSpace,
     config: VocabularyConfig,
@@ -80,12 +78,6 @@ def _grow(
         np.array(level, np.int32),
         space,
     )
-
-
-def _subsampled(descriptors: NDArray[Any], count: int, rng: np.random.Generator) -> NDArray[Any]:
-    if len(descriptors) <= count:
-        return descriptors
-    return descriptors[np.sort(rng.choice(len(descriptors), count, replace=False))]
 
 
 def _split(
