@@ -45,13 +45,10 @@ def test_all_settings_are_one_array_as_json() -> None:
 
 
 def test_a_preset_is_what_it_changes() -> None:
-    lines = [line.split() for line in run("patent").output.splitlines()]
-    assert lines == [
-        ["locate.level_2d_3d", "3", "default", "5"],
-        ["locate.level_3d_2d", "5", "default", "2"],
-    ]
-    changes = {"locate.level_2d_3d": 3, "locate.level_3d_2d": 5}
-    assert json.loads(run("patent", "--json").output) == {"source": "patent", "changes": changes}
+    lines = [line.split() for line in run("orb").output.splitlines()]
+    assert lines == [["features.front_end", "orb", "default", "sift"]]
+    changes = {"features.front_end": "orb"}
+    assert json.loads(run("orb", "--json").output) == {"source": "orb", "changes": changes}
 
 
 def test_a_file_is_what_it_changes(tmp_path: Path) -> None:

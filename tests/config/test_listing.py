@@ -32,4 +32,4 @@ def test_changes_are_what_differs_from_the_defaults() -> None:
         "seed": 2,
         "fuse.voxel_m": 0.1,
     }
-    assert listing.changes(load("patent")) == {"locate.level_2d_3d": 3, "locate.level_3d_2d": 5}
+    assert listing.changes(load("orb")) == {"features.front_end": "orb"}

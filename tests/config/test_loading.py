@@ -13,14 +13,10 @@ def test_without_a_source_the_defaults_are_loaded() -> None:
 
 
 def test_a_preset_changes_only_what_it_names() -> None:
-    loaded = config.load("patent")
-    assert (loaded.locate.level_2d_3d, loaded.locate.level_3d_2d) == (3, 5)
-    locate = dataclasses.replace(loaded.locate, **_levels(config.Config().locate))
-    assert dataclasses.replace(loaded, locate=locate) == config.Config()
-
-
-def _levels(locate: config.LocateConfig) -> dict[str, int]:
-    return {"level_2d_3d": locate.level_2d_3d, "level_3d_2d": locate.level_3d_2d}
+    loaded = config.load("orb")
+    assert loaded.features.front_end == "orb"
+    features = dataclasses.replace(loaded.features, front_end=config.Config().features.front_end)
+    assert dataclasses.replace(loaded, features=features) == config.Config()
 
 
 @pytest.mark.parametrize("preset", config.presets())

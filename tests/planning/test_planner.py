@@ -57,6 +57,20 @@ def _found(
     return plan
 
 
+def test_a_path_that_is_not_smoothed_joins_the_centres_of_its_cells() -> None:
+    """Between its ends, which stay where they are; a smoothed one is shorter."""
+    start, goal = (0.02, -1.01), (5.51, 1.52)
+    path = _found(start, goal, smooth=False)
+    corners = path.poses[1:-1, :2]
+    off = np.abs((corners - ROOMS.origin) / ROOMS.resolution_m % 1 - 0.5)
+    is_centre = (off < 1e-6).all(1)
+    steps = np.hypot(*np.diff(corners[is_centre], axis=0).T) / ROOMS.resolution_m
+    assert set(np.round(steps, 6)) == {1.0, round(float(np.sqrt(2)), 6)}
+    assert path.poses[0, :2].tolist() == list(start)
+    assert path.poses[-1, :2].tolist() == list(goal)
+    assert _found(start, goal).length_m < path.length_m
+
+
 @pytest.mark.parametrize(("start", "goal"), _pairs(25))
 def test_a_path_never_enters_an_inflated_or_unknown_cell(
     start: tuple[float, float], goal: tuple[float, float]

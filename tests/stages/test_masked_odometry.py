@@ -16,7 +16,13 @@ from vnav.core.report import Report
 from vnav.io.formats.trajectories import read_tum
 from vnav.io.sources.capture import Capture
 from vnav.io.sources.open_capture import open_capture
-from vnav.io.store.artifacts import add_keyframes, load_keyframe, load_keyframe_mask, load_odometry
+from vnav.io.store.artifacts import (
+    add_keyframes,
+    kept_rows,
+    load_keyframe,
+    load_keyframe_mask,
+    load_odometry,
+)
 from vnav.io.store.map_folder import MapFolder
 from vnav.reporting.moving_picture import moving_figure
 from vnav.stages import odometry
@@ -180,3 +186,14 @@ def test_masks_keep_their_keyframes_when_a_map_grows(
         for k in (row, row + FRAMES)
     )
     assert first == again
+
+
+def test_where_all_frames_are_kept_so_are_their_masks(tiny_capture: Path, tmp_path: Path) -> None:
+    """What is fused of a frame that is no keyframe must not show what moves in it, either."""
+    capture = PastABoard(open_capture(tiny_capture, CaptureConfig()), 100)
+    folder, _ = tracked(capture, tmp_path / "map", "odometry.kept_frames=all")
+    assert kept_rows(folder, FRAMES) == list(range(FRAMES))
+    keyframes = {k.row for k in load_odometry(folder).keyframes}
+    shape = capture.camera.color.height, capture.camera.color.width
+    masked = [row for row in range(FRAMES) if load_keyframe_mask(folder, row, shape).any()]
+    assert set(masked) - keyframes

@@ -310,6 +310,11 @@ class OdometryConfig(Section, path="odometry"):
         "frames",
         "largest number in a row that their pixels hold, but not in every direction",
     )
+    kept_frames: str = choice(
+        "keyframes",
+        lambda: ("keyframes", "all"),
+        "frames whose colour and depth the map keeps, all of which are fused",
+    )
     against_map: bool = flag(
         False,
         "frames are also tracked against all keyframes that see the same, by patches of 8 pixels",
@@ -395,9 +400,10 @@ class OptimiseConfig(Section, path="optimise"):
     )
     bundle_rounds: int = whole(
         2,
-        "[1, 100]",
+        "[0, 100]",
         "rounds",
-        "rounds of bundle adjustment; each ends with the removal of outliers",
+        "rounds of bundle adjustment; each ends with the removal of outliers; 0: poses are those of"
+        " the pose graph",
     )
     bundle_iterations: int = whole(
         10, "[1, 1000]", "iterations", "largest number of iterations of the last round"
@@ -574,6 +580,7 @@ class PlanConfig(Section, path="plan"):
         "m",
         "largest uncertainty of the map that obstacles are inflated by; more would close doors",
     )
+    smooth: bool = flag(True, "the path is smoothed; else it joins the centres of its cells")
     spacing_m: float = number(
         0.05, "[0.001, 100]", "m", "largest distance between points of the path"
     )

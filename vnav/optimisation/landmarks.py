@@ -24,6 +24,8 @@ ROUGH_ITERATIONS = 4  # of a round that another one follows
 class AdjustedBundle:
     """Poses (K, 4, 4) and covariances (K, 6, 6) of keyframes, landmarks, the error on the way.
 
+    ``rounds``: of bundle adjustment, that led there.
+
     ``sensor``: what it does wrong; landmarks are without.
     """
 
@@ -34,6 +36,7 @@ class AdjustedBundle:
     sensor: SensorCalibration
     rms_px_before: float
     rms_px_after: float
+    rounds: int
 
 
 def adjust_landmarks(
@@ -44,7 +47,7 @@ def adjust_landmarks(
     config: OptimiseConfig,
     prior: PosePrior | None = None,
 ) -> AdjustedBundle:
-    """Bundle adjustment in rounds, each without the observations that stand out.
+    """Bundle adjustment in rounds, each without the observations that stand out; of none, as it is.
 
     The first takes the noise of the settings, which must do for any sensor; then the residuals tell
     it: the sharper it is known, the less do wrong matches weigh. Before the last, the sensor's
@@ -68,13 +71,17 @@ def adjust_landmarks(
         iterations = config.bundle_iterations if last else ROUGH_ITERATIONS
         bundle = adjust(bundle, selection.problem(tracks.seen[shared], noise), iterations)
         bundle = move_unshared_points(bundle, tracks, inliers, shared)
-    inliers = selection.inliers(bundle, tracks, model)
+    slack = 1.0 if config.bundle_rounds else FIRST_SLACK
+    inliers = selection.inliers(bundle, tracks, model, slack)
     shared = tracks.shared(inliers)
+    if not config.bundle_rounds:
+        bundle = move_unshared_points(bundle, tracks, inliers, shared[:0])
     rms_px.append(model.rms_px(bundle, tracks.seen[shared]))
     covariance = covariances(bundle, selection.problem(tracks.seen[shared], model))
     landmarks = _landmarks(bundle, tracks, inliers, model)
     poses = bundle.T_world_camera
-    return AdjustedBundle(poses, covariance, landmarks, len(shared), sensor, rms_px[0], rms_px[-1])
+    counts = len(shared), sensor, rms_px[0], rms_px[-1], config.bundle_rounds
+    return AdjustedBundle(poses, covariance, landmarks, *counts)
 
 
 def _initial_bundle(T_world_camera: Array, tracks: FeatureTracks) -> tuple[Bundle, Rows]:

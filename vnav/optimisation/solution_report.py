@@ -67,6 +67,10 @@ def _landmarks_line(adjusted: AdjustedBundle) -> str:
     landmarks = f"{len(adjusted.landmarks)} landmarks"
     if not adjusted.observations:
         return landmarks
+    if not adjusted.rounds:
+        return (
+            f"{landmarks}; reprojection {adjusted.rms_px_after:.2f} px, without bundle adjustment"
+        )
     return (
         f"{landmarks}; reprojection {adjusted.rms_px_before:.2f} px before,"
         f" {adjusted.rms_px_after:.2f} px after bundle adjustment"

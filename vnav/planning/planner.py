@@ -52,7 +52,7 @@ def plan_path(
     uncertainty_m: float = 0.0,
     final_yaw_rad: float | None = None,
 ) -> Plan | Rejected:
-    """The smoothed cheapest path between two points on the floor; Rejected says why there is none.
+    """The cheapest path, smoothed, between two points on the floor; Rejected says why not.
 
     ``uncertainty_m`` is how far an obstacle may be from where the grid has it; obstacles are
     inflated by it, by the robot's radius and by half a cell's diagonal. ``final_yaw_rad`` is the
@@ -68,8 +68,7 @@ def plan_path(
         return route
     inner = grid.centres_of(route.cells[1:-1])
     points = np.concatenate([[first.snapped], inner, [last.snapped]])
-    path = _in_metres(grid, smooth(_in_cells(grid, points), costs.costs))
-    path[0], path[-1] = points[0], points[-1]
+    path = _smoothed(points, costs) if config.smooth else points
     poses = _poses(_densified(path, config.spacing_m), final_yaw_rad)
     clearance_m, walked_m = _along(costs, path)
     length_m = float(np.hypot(*np.diff(path, axis=0).T).sum())
@@ -100,6 +99,14 @@ def _remedy(grid: Grid, ends: tuple[Point, Point], uncertainty_m: float, config:
         if not isinstance(snap_start_and_goal(other, *ends, config.tolerance_m), Rejected):
             return advice
     return ""
+
+
+def _smoothed(points: Array, costs: Costmap) -> Array:
+    """A path through points (K, 2) in metres with rounder corners; its ends stay where they are."""
+    grid = costs.grid
+    path = _in_metres(grid, smooth(_in_cells(grid, points), costs.costs))
+    path[0], path[-1] = points[0], points[-1]
+    return path
 
 
 def _in_cells(grid: Grid, points: Array) -> Array:

@@ -1,4 +1,4 @@
-"""The keyframes' depth made one cloud, octree, mesh and grid: claim 3, S8, and claim 5, 3.1."""
+"""The kept frames' depth made one cloud, octree, mesh and grid: claim 3, S8, and claim 5, 3.1."""
 
 from collections.abc import Iterator
 from dataclasses import replace
@@ -18,6 +18,7 @@ from vnav.core.report import Report
 from vnav.errors import MapError
 from vnav.io.formats.ply import write_cloud, write_mesh
 from vnav.io.store.artifacts import (
+    kept_rows,
     load_keyframe,
     load_keyframe_depth,
     load_odometry,
@@ -41,7 +42,7 @@ STAGE = "fuse"
 
 @one_blas_thread
 def run(folder: MapFolder, config: Config, *, progress: Progress = silent) -> Report:
-    """Fuse the keyframes that have a pose; MapError where their depth holds nothing to fuse.
+    """Fuse the kept frames that have a pose; MapError where their depth holds nothing to fuse.
 
     Writes fuse/cloud.ply, occupancy.ot and .bt, mesh.ply, grid.pgm and .yaml, walked.pgm and .yaml,
     departed.npz.
@@ -69,11 +70,11 @@ def run(folder: MapFolder, config: Config, *, progress: Progress = silent) -> Re
         save_grid(draft, grid)
         save_departed(draft, landmarks_departed)
 
-    return finished(folder, _report(fused, leaves, grid, optimised.world, len(views)), started)
+    return finished(folder, _report(fused, leaves, grid, optimised.world, views), started)
 
 
 class PosedFrames:
-    """The keyframes of a map that have a pose, read one at a time.
+    """The frames that a map keeps, keyframes or all, and that have a pose, read one at a time.
 
     The pose is that of the camera as it measured depth.
     """
@@ -85,11 +86,16 @@ class PosedFrames:
         poses = poses @ se3.exp(later)
         self._folder, self._frames, self._poses = folder, odometry.frames, poses
         self._cameras, self._keyframe_rows = map_cameras(folder), odometry.keyframe_rows
-        rows = self._keyframe_rows
+        rows = np.union1d(self._keyframe_rows, kept_rows(folder, len(poses)))
         self._rows = rows[np.isfinite(poses[rows]).all((1, 2))].tolist()
 
     def __len__(self) -> int:
         return len(self._rows)
+
+    @property
+    def kind(self) -> str:
+        """What they are."""
+        return "keyframes" if np.isin(self._rows, self._keyframe_rows).all() else "frames"
 
     def __iter__(self) -> Iterator[PosedFrame]:
         for row in self._rows:
@@ -115,7 +121,7 @@ class PosedFrames:
         return load_keyframe_depth(self._folder, row, BLOCK_PX)
 
     def departed(self, landmarks: Landmarks, history: DepthHistory) -> NDArray[np.bool_]:
-        """Which landmarks (L,) have departed since the last of these keyframes saw them."""
+        """Which landmarks (L,) have departed since the last keyframe saw them."""
         number = np.searchsorted(self._rows, self._keyframe_rows)
         last_seen = np.zeros(len(landmarks), np.intp)
         np.maximum.at(last_seen, landmarks.landmark, number[landmarks.keyframe])
@@ -127,7 +133,7 @@ def _leaves(octree: Octree, config: FuseConfig) -> Leaves:
     leaves = octree.most_likely().leaves()
     if not len(leaves):
         raise MapError(
-            "expected depth in the keyframes to fuse, found none within"
+            "expected depth in the frames to fuse, found none within"
             f" {config.max_range_m:g} m; check the capture with 'vnav check', or raise the range"
             " with --set fuse.max_range_m=..."
         )
@@ -135,13 +141,13 @@ def _leaves(octree: Octree, config: FuseConfig) -> Leaves:
 
 
 def _report(
-    fused: FusedVolumes, leaves: Leaves, grid: Grid, world: World, keyframes: int
+    fused: FusedVolumes, leaves: Leaves, grid: Grid, world: World, views: PosedFrames
 ) -> Report:
     share = {name: float((grid.cells == state).mean()) for name, state in STATES.items()}
     area_m2 = {name: grid.area_m2(state) for name, state in STATES.items()}
     rows, columns = grid.cells.shape
     values: dict[str, Any] = {
-        "keyframes": keyframes,
+        views.kind: len(views),
         "cloud_points": len(fused.cloud),
         "octree_cubes": len(leaves),
         "mesh_vertices": len(fused.mesh.vertices_world),
@@ -153,7 +159,7 @@ def _report(
     }
     shares = ", ".join(f"{value:.0%} {name}" for name, value in share.items())
     lines = [
-        f"{keyframes} keyframes fused: cloud of {len(fused.cloud)} points, octree of"
+        f"{len(views)} {views.kind} fused: cloud of {len(fused.cloud)} points, octree of"
         f" {len(leaves)} cubes, mesh of {len(fused.mesh.triangles)} triangles",
         f"grid {values['grid_m'][0]:.1f} x {values['grid_m'][1]:.1f} m: {shares};"
         f" {area_m2['free']:.1f} m2 free, {area_m2['occupied']:.1f} m2 occupied",

@@ -83,6 +83,7 @@ def track(
     builder: OdometryBuilder = VisualOdometry(config)
     if given is not None:
         builder = GivenPoses(poses_at(frames.stamp_s, given, config.capture.association_s), config)
+    keeps_all = config.odometry.kept_frames == "all"
     with ThreadPoolExecutor(os.cpu_count()) as pool:
         written = []
         is_described = given is not None or config.tracking.method == DESCRIPTORS
@@ -91,7 +92,7 @@ def track(
             progress("odometry", row, len(frames))
             if isinstance(seen, str):
                 builder.skip(row, seen)
-            elif builder.add(seen.features, seen.frame, seen.image):
+            elif builder.add(seen.features, seen.frame, seen.image) or keeps_all:
                 written.append(pool.submit(save_keyframe, draft, row, seen.frame))
         for keyframe in written:
             keyframe.result()

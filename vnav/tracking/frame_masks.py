@@ -91,6 +91,7 @@ class FrameMasks:
     def __init__(self, config: Config, is_first: bool = True) -> None:
         """If these are the first masks, keyframes are looked at again where nothing moved, too."""
         self._config, self._is_first = config.masking, is_first
+        self._keeps_all = config.odometry.kept_frames == "all"
         self._mask = mask(config)
         self._views = ViewHistory()
         self._last: SeenFrame | None = None
@@ -101,7 +102,9 @@ class FrameMasks:
         self._moved_s = -np.inf  # time of the newest frame in which something moves
         self._static: dict[int, FrameFeatures] = {}
         self._shares: dict[int, float] = {}
-        self.moving: dict[int, Blocks] = {}  # of keyframes in which something moves, by row
+        self.moving: dict[
+            int, Blocks
+        ] = {}  # of frames that are kept, where something moves, by row
 
     def look(self, frame: TrackedFrame, T_track_camera: Array) -> SeenFrame:
         """The next frame at its pose, as far as that is known, and what the frames before say."""
@@ -185,8 +188,8 @@ class FrameMasks:
         self._final.append(FinalFrame(final, not np.array_equal(final.moving, seen.moving)))
         if final.is_keyframe:
             self._static[final.row] = final.static.features
-            if final.moving.any():
-                self.moving[final.row] = final.moving
+        if final.moving.any() and (final.is_keyframe or self._keeps_all):
+            self.moving[final.row] = final.moving
 
     def _note(self, seen: SeenFrame) -> None:
         self._shares[seen.row] = seen.share

@@ -17,7 +17,7 @@ class OdometryBuilder(Protocol):
 
     @property
     def moving(self) -> Mapping[int, Blocks]:
-        """Blocks (h, w) of keyframes that move, by row; final with the result."""
+        """Blocks (h, w) that move, of frames that are kept, by row; final with the result."""
 
     def skip(self, row: int, reason: str) -> None:
         """Leave the next frame out, and say why."""

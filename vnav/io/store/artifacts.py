@@ -1,6 +1,7 @@
 """The arrays that mapping stages leave in the map folder, saved and loaded."""
 
 import dataclasses
+import re
 import shutil
 from collections.abc import Iterable
 from pathlib import Path
@@ -143,6 +144,13 @@ def _write_image(path: Path, image: NDArray[Any], *parameters: int) -> None:
     """Unlike cv2.imwrite, a full disk is an OSError."""
     _, data = cv2.imencode(path.suffix, image, parameters)
     path.write_bytes(data.tobytes())
+
+
+def kept_rows(folder: MapFolder, frames: int) -> list[int]:
+    """Rows, of so many frames, of those whose colour and depth the map keeps, ascending."""
+    names = (re.fullmatch(r"keyframes/(\d{6})\.png", name) for name in folder.files("odometry"))
+    rows = (int(name[1]) for name in names if name)
+    return sorted(row for row in rows if row < frames)
 
 
 def load_keyframe(folder: MapFolder, row: int, frames: FrameTable) -> Frame:
