@@ -77,6 +77,7 @@ bench-real: setup
 	$(BIN)/python benchmarks/broken_odometry.py bench/maps/house ../shared/captures/house --record
 	-$(BIN)/python benchmarks/front_ends.py bench/front_ends $(CAPTURES) $(DESK) --record
 	$(BIN)/python benchmarks/corners.py $(CAPTURES) $(DESK) --record
+	$(BIN)/python benchmarks/patent.py --record
 	$(BIN)/python benchmarks/hard_versions.py $(CAPTURES) --out bench
 	-$(BIN)/vnav evaluate bench/hard.toml --out bench/hard
 	-$(BIN)/vnav evaluate bench/seeds.toml --seeds 5 --out bench/seeds

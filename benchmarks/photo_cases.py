@@ -44,15 +44,15 @@ def cases(out: Path) -> list[Case]:
     return [rendered(out, CaptureSpec("apartment", 200, 40, KINECT, PHONE))]
 
 
-def house(out: Path) -> Case:
-    """The house as vnav maps it, and its photos."""
+def house(out: Path, *options: str) -> Case:
+    """The house as vnav maps it, with these options, and its photos."""
     capture = SHARED / "house"
-    folder = built(out / "house", capture)
+    folder = built(out / "house", capture, None, *options)
     return Case("house", folder, photos_of(capture), None, true_poses(folder, capture))
 
 
-def kitchen_halves(out: Path) -> Case:
-    """Half of the kitchen at its true poses; frames of the other half."""
+def kitchen_halves(out: Path, *options: str) -> Case:
+    """Half of the kitchen at its true poses, with these options; frames of the other half."""
     kitchen, half = SHARED / "redkitchen01", out / "redkitchen_half_capture"
     half.mkdir(parents=True, exist_ok=True)
     for name in ("rgb", "depth"):
@@ -61,7 +61,7 @@ def kitchen_halves(out: Path) -> Case:
         if not (half / name).exists():
             (half / name).symlink_to((kitchen / name).resolve())
     shutil.copy(kitchen / "camera.toml", half)
-    folder = built(out / "redkitchen_half", half, kitchen / "groundtruth.txt")
+    folder = built(out / "redkitchen_half", half, kitchen / "groundtruth.txt", *options)
     photos = sorted((kitchen / "rgb").iterdir(), key=lambda path: float(path.stem))
     photos = photos[HALF::EVERY]
     truth = read_tum(kitchen / "groundtruth.txt")
@@ -89,10 +89,10 @@ def rendered(out: Path, spec: CaptureSpec) -> Case:
     return Case(spec.scene, folder, photos_of(capture), None, truth)
 
 
-def built(folder: Path, capture: Path, poses: Path | None = None) -> MapFolder:
+def built(folder: Path, capture: Path, poses: Path | None = None, *options: str) -> MapFolder:
     """The map of a capture; what is there of it already is reused."""
-    options = ("--trajectory", poses) if poses else ()
-    build = command("build-map", capture, "--map", folder, *options)
+    given = ("--trajectory", poses) if poses else ()
+    build = command("build-map", capture, "--map", folder, *given, *options)
     subprocess.run(build, check=True, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
     return MapFolder.open(folder)
 

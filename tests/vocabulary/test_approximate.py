@@ -114,6 +114,14 @@ def test_bits_are_refused() -> None:
         train(bits.none(), bits, CONFIG, 0)
 
 
+def test_the_same_seed_gives_the_same_tree_whatever_opencv_drew_before(
+    tree: VocabularyTree, clusters: np.ndarray
+) -> None:
+    again = train(clusters.reshape(-1, 128), SPACE, CONFIG, 0).to_arrays()
+    for name, array in tree.to_arrays().items():
+        np.testing.assert_array_equal(array, again[name])
+
+
 def test_another_seed_gives_another_tree(tree: VocabularyTree, clusters: np.ndarray) -> None:
     other = train(clusters.reshape(-1, 128), SPACE, CONFIG, 1)
     assert not np.array_equal(other.centres[:5], tree.centres[:5])
