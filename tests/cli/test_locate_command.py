@@ -176,6 +176,13 @@ def test_photos_are_shared_out_evenly_and_in_order() -> None:
         assert [photo for share in found for photo in share] == photos
 
 
+def test_a_level_that_the_tree_does_not_have_is_said_once(indexed: Path, photos: Path) -> None:
+    """By whatever is said of each photo, too."""
+    result = run(photos, "--map", indexed, "--set", "locate.level_3d_2d=20")
+    assert result.stderr.count("expected locate.level_3d_2d to be a level of") == 1
+    assert "expected locate.level" not in run(photos, "--map", indexed).stderr
+
+
 def test_an_unknown_camera_is_estimated(indexed: Path, photos: Path) -> None:
     value = json.loads(run(first_of(photos), "--map", indexed, "--camera", "auto", "--json").stdout)
     assert value["intrinsics_source"] == "estimated"

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from vnav.config import Config, IndexConfig
+from vnav.config import Config, IndexConfig, load
 from vnav.errors import MapError, StaleArtifact
 from vnav.io.formats.arrays_file import load_arrays, save_arrays
 from vnav.io.store.artifacts import load_optimised
@@ -31,6 +31,12 @@ def test_every_landmark_of_the_map_is_indexed(folder: MapFolder) -> None:
     np.testing.assert_array_equal(found.points_world, landmarks.points_world)
     assert report.values["landmarks"] == len(landmarks)
     assert report.values["descriptors"] == len(found.descriptors) >= len(landmarks)
+
+
+def test_levels_that_the_tree_does_not_have_are_warned_of(folder: MapFolder) -> None:
+    config = load(settings=["locate.level_3d_2d=20"])
+    (warning,) = index.run(folder, config).warnings
+    assert "locate.level_3d_2d" in warning
 
 
 def test_landmarks_of_what_has_departed_are_kept_and_not_matched(
