@@ -320,3 +320,15 @@ def test_without_rounds_the_poses_stay_and_landmarks_are_where_depth_has_them() 
     away = np.linalg.norm(found.landmarks.points_world[:, None] - made.points, axis=2).min(1)
     assert np.sort(away)[:SHARED].max() < 0.005 + 3 * 0.022
     assert np.isfinite(found.covariance[1:]).all()
+
+
+def test_without_rounds_a_landmark_that_only_views_without_depth_agree_on_is_none() -> None:
+    """Two views with depth see it 50 px to either side: their mean is right, and neither agrees."""
+    made, first = scene(0), np.array([0])
+    for k, shift_px in enumerate((50.0, -50.0)):
+        made.keyframes[k] = changed(made.keyframes[k], first, shift_px)
+    for k in range(2, KEYFRAMES):
+        made.keyframes[k] = changed(made.keyframes[k], first, 0.0, depth=False)
+    found = made.adjusted(made.T, config=replace(CONFIG, bundle_rounds=0))
+    assert np.isfinite(found.landmarks.points_world).all()
+    assert len(found.landmarks) == SHARED - 1 + KEYFRAMES * ALONE

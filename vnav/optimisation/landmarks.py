@@ -71,11 +71,13 @@ def adjust_landmarks(
         iterations = config.bundle_iterations if last else ROUGH_ITERATIONS
         bundle = adjust(bundle, selection.problem(tracks.seen[shared], noise), iterations)
         bundle = move_unshared_points(bundle, tracks, inliers, shared)
-    slack = 1.0 if config.bundle_rounds else FIRST_SLACK
+    slack = 1.0
+    if not config.bundle_rounds:
+        slack, none = FIRST_SLACK, rows[:0]
+        inliers = selection.inliers(bundle, tracks, model, slack)
+        bundle = move_unshared_points(bundle, tracks, inliers, none)
     inliers = selection.inliers(bundle, tracks, model, slack)
     shared = tracks.shared(inliers)
-    if not config.bundle_rounds:
-        bundle = move_unshared_points(bundle, tracks, inliers, shared[:0])
     rms_px.append(model.rms_px(bundle, tracks.seen[shared]))
     covariance = covariances(bundle, selection.problem(tracks.seen[shared], model))
     landmarks = _landmarks(bundle, tracks, inliers, model)
