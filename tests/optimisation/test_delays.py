@@ -14,7 +14,7 @@ from vnav.features.sift import SPACE
 from vnav.optimisation.sensor_errors import SensorErrors
 from vnav.optimisation.solution import Solution, solve
 from vnav.registration.correspondences import Correspondences
-from vnav.registration.estimation import estimate_motion
+from vnav.registration.estimators.points3d import Points3dEstimator
 from vnav.synthetic import MINIATURE, Scene, one_room
 from vnav.synthetic.rendered_capture import camera_poses
 
@@ -84,8 +84,8 @@ def edge(a: FrameFeatures, b: FrameFeatures) -> Edge:
     """The motion that registration finds from the matches, which are known."""
     both = np.flatnonzero(a.has_depth & b.has_depth)
     matches = np.column_stack([both, both]).astype(np.int32)
-    found = estimate_motion(
-        Correspondences(a, b, matches, (CAMERA, CAMERA), CONFIG), CONFIG, np.random.default_rng(0)
+    found = Points3dEstimator(CONFIG).estimate(
+        Correspondences(a, b, matches, (CAMERA, CAMERA), CONFIG), np.random.default_rng(0)
     )
     assert isinstance(found, PoseEstimate)
     return Edge(a.row, b.row, found.T_a_b, found.information)

@@ -8,7 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from vnav.config import CaptureConfig, Config, FeaturesConfig
+from vnav.config import CaptureConfig, Config, FeaturesConfig, load
+from vnav.config.registries import DESCRIPTORS, ESTIMATORS, TRACKERS
 from vnav.core import se3
 from vnav.core.camera import Camera
 from vnav.core.frame import Edge, Frame
@@ -143,6 +144,23 @@ def test_drift_is_no_more_than_the_noise_of_the_edges_adds_up_to(
     tiny: Odometry, truth: np.ndarray
 ) -> None:
     assert ate_m(tiny.T_segment_camera, truth) < drift_of_noise_m(tiny, truth)
+
+
+@pytest.mark.parametrize(
+    "setting",
+    [
+        *(f"tracking.method={name}" for name in sorted(TRACKERS.keys() - {DESCRIPTORS})),
+        *(f"registration.estimator={name}" for name in sorted(ESTIMATORS.keys() - {"points3d"})),
+    ],
+)
+def test_other_trackers_and_estimators_drift_no_more_than_their_edges_say(
+    setting: str, capture: Capture, truth: np.ndarray, tmp_path: Path
+) -> None:
+    config = load(settings=["features.max_features=700", setting])
+    result = odometry.track(Subset(capture, range(16)), config, tmp_path)
+    assert not any(result.reasons)
+    assert not result.segment.any()
+    assert ate_m(result.T_segment_camera, truth[:16]) < drift_of_noise_m(result, truth[:16])
 
 
 def test_keyframes_are_fewer_than_frames_and_never_far_apart(

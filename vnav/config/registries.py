@@ -30,6 +30,11 @@ SEARCHES: Registry = {
     "3d2d": "vnav.localisation.search.methods:SearchOf3d2d",
     "tree": "vnav.localisation.search.methods:TreeSearch",
 }
+ESTIMATORS: Registry = {
+    "points3d": "vnav.registration.estimators.points3d:Points3dEstimator",
+    "pnp": "vnav.registration.estimators.pnp:PnpEstimator",
+    "direct": "vnav.registration.estimators.direct:DirectEstimator",
+}
 
 
 def registered(registry: Registry, name: str) -> Any:

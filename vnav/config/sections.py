@@ -5,7 +5,7 @@ Ranges end where the code could do nothing with a value, or nothing a person cou
 
 from dataclasses import dataclass
 
-from vnav.config.registries import FRONT_ENDS, MASKS, SEARCHES, TRACKERS
+from vnav.config.registries import ESTIMATORS, FRONT_ENDS, MASKS, SEARCHES, TRACKERS
 from vnav.config.setting import Section, choice, flag, number, section, whole
 from vnav.config.shipped import preset_cameras
 
@@ -147,6 +147,12 @@ class FeaturesConfig(Section, path="features"):
 class RegistrationConfig(Section, path="registration"):
     """Two frames to a relative pose."""
 
+    estimator: str = choice(
+        "points3d",
+        lambda: tuple(ESTIMATORS),
+        "what tells the motion that matches show: 3D points of both frames; pnp: pixels of one;"
+        " direct: all pixels",
+    )
     ratio: float = number(
         0.8,
         "(0, 1]",

@@ -1,5 +1,7 @@
 """Matched features of two frames as measurements of the motion between them."""
 
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -8,14 +10,31 @@ from vnav.core import se3
 from vnav.core.arrays import Array
 from vnav.core.camera import Intrinsics
 from vnav.core.mapping import FrameFeatures
+from vnav.core.reduced_frame import ReducedFrame
 from vnav.registration.consensus import best_motion
-from vnav.registration.refinement import gauss_newton
+from vnav.registration.refinement import gauss_newton, normal_equations
+
+ImagesInBlocks = tuple[ReducedFrame, ReducedFrame]
+
+
+@dataclass(frozen=True)
+class Reprojections:
+    """Points (M, 3) of camera a, and the pixels (M, 2) where b sees them.
+
+    ``cameras`` (2, 4): fx, fy, cx, cy of a and of b; ``variances`` (3,) of pixel and inverse depth.
+    """
+
+    points: Array
+    px: Array
+    cameras: Array
+    variances: Array
 
 
 class Correspondences:
     """M matches: a 3D point of one frame, seen in the other as pixel and inverse depth.
 
-    The point is a's where a has depth (``forward``), else b's.
+    The point is a's where a has depth (``forward``), else b's. ``images``: the two frames in
+    blocks, where they are at hand.
     """
 
     def __init__(
@@ -25,6 +44,7 @@ class Correspondences:
         matches: NDArray[np.int32],
         cameras: tuple[Intrinsics, Intrinsics],
         config: RegistrationConfig,
+        images: ImagesInBlocks | None = None,
     ) -> None:
         points_a, points_b = (
             k.points_camera[rows].astype(float) for k, rows in zip((a, b), matches.T, strict=True)
@@ -32,7 +52,7 @@ class Correspondences:
         px_a, px_b = (
             k.features.keypoints_px[rows] for k, rows in zip((a, b), matches.T, strict=True)
         )
-        self.matches = matches
+        self.matches, self.images = matches, images
         self.forward = np.isfinite(points_a[:, 2])
         which = self.forward[:, None]
         px, depth_m = np.where(which, px_b, px_a), np.where(which, points_b, np.nan)[:, 2:]
@@ -40,12 +60,19 @@ class Correspondences:
         self._target = np.concatenate([px, 1 / depth_m], 1)
         self._cameras = np.array([[k.fx, k.fy, k.cx, k.cy] for k in cameras])
         self._sigmas = np.array([config.pixel_sigma_px, config.depth_sigma_per_m2])
+        self._variances = np.repeat(self._sigmas, (2, 1)) ** 2
         self._points_b = points_b
 
     @property
     def has_both_depths(self) -> NDArray[np.bool_]:
         """Which matches (M,) have depth at both ends."""
         return np.asarray(np.isfinite(self._target[:, 2]))
+
+    @property
+    def reprojected(self) -> Reprojections:
+        """Those whose point is a's."""
+        points, px = self._source[self.forward], self._target[self.forward, :2]
+        return Reprojections(points, px, self._cameras, self._variances)
 
     def consensus(
         self, samples: NDArray[np.intp], threshold_sigmas: float, confidence: float
@@ -76,11 +103,17 @@ class Correspondences:
         source's carried over by the motion; the sums are weighted by a Cauchy kernel. Infinite
         behind the camera.
         """
-        variances = np.repeat(self._sigmas, (2, 1)) ** 2
-        T_a_b, H, squared = gauss_newton(
-            T_a_b, self._source, self._target, self.forward, self._cameras, variances
-        )
+        T_a_b, H, squared = gauss_newton(T_a_b, *self._measured)
         return T_a_b, H, squared
+
+    def squared(self, T_a_b: Array) -> Array:
+        """Squared residuals (M,) of a motion, as `refined` gives those of the best."""
+        squared: Array = normal_equations(T_a_b, *self._measured)[2]
+        return squared
+
+    @property
+    def _measured(self) -> tuple[Array, Array, NDArray[np.bool_], Array, Array]:
+        return self._source, self._target, self.forward, self._cameras, self._variances
 
     def points_a(self, T_a_b: Array) -> Array:
         """The matched points (M, 3) in camera a."""

@@ -14,6 +14,7 @@ from vnav.core import se3
 from vnav.core.arrays import Array
 from vnav.core.camera import Intrinsics
 from vnav.core.frame import Frame, Rejected
+from vnav.core.reduced_frame import ReducedFrame
 from vnav.registration.image_pair import ImagePair
 from vnav.registration.refinement import CONVERGED
 from vnav.registration.residual_term import ResidualTerm
@@ -21,6 +22,7 @@ from vnav.registration.residual_term import ResidualTerm
 MOTION_SIGMAS = np.repeat([np.deg2rad(3.0), 0.05], 3)  # rad, m: of a predicted motion
 MAX_SIGMAS = 3.0  # of it, that the motion found may be off the prediction
 BLURS_PX = (12.0, 6.0, 3.0, 1.5)  # of the images that are compared, from coarse to fine
+BLURS_BLOCKS = (3.0, 1.5)  # of frames in blocks
 ITERATIONS = 20  # at each of them
 MIN_OVERLAP = 0.4  # share of the points that fall on a surface of the other image
 MIN_INLIERS = 0.8  # share of those that lie on it
@@ -52,9 +54,21 @@ def align(
     says how little it knows. Rejected where too little overlaps or agrees, or where the prediction
     is contradicted.
     """
-    images = ImagePair.of(a, b, intrinsics)
+    return _aligned(ImagePair.of(a, b, intrinsics), BLURS_PX, config, predicted)
+
+
+def align_reduced(
+    a: ReducedFrame, b: ReducedFrame, config: RegistrationConfig, predicted: Array
+) -> DenseEstimate | Rejected:
+    """The same of frames in blocks, a fraction of the work."""
+    return _aligned(ImagePair.of_blocks(a, b), BLURS_BLOCKS, config, predicted)
+
+
+def _aligned(
+    images: ImagePair, blurs_px: Sequence[float], config: RegistrationConfig, predicted: Array
+) -> DenseEstimate | Rejected:
     T_a_b = se3.orthonormal(predicted)
-    for blur_px in BLURS_PX:
+    for blur_px in blurs_px:
         terms = images.terms(blur_px, config.depth_sigma_per_m2)
         T_a_b = _minimised(terms, T_a_b, predicted)
     overlap, agreeing = terms[0].agreement(T_a_b)

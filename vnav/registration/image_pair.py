@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from vnav.core.arrays import Array
 from vnav.core.camera import Intrinsics
 from vnav.core.frame import Frame
+from vnav.core.reduced_frame import ReducedFrame
 from vnav.registration.image_filters import (
     SURFACE_REACH_PX,
     DepthImage,
@@ -45,12 +46,15 @@ class ImagePair:
 
     @classmethod
     def of(cls, a: Frame, b: Frame, intrinsics: Intrinsics) -> "ImagePair":
-        """The darker image is made as bright as the other, and as clipped."""
-        grey_a, grey_b = (cv2.cvtColor(f.color, cv2.COLOR_RGB2GRAY).astype(float) for f in (a, b))
-        gain = exposure_gain(grey_a, grey_b)
-        brightness_a = np.minimum(grey_a * max(gain, 1.0), 255.0)
-        brightness_b = np.minimum(grey_b / min(gain, 1.0), 255.0)
-        return cls(a.depth_m, b.depth_m, brightness_a, brightness_b, intrinsics)
+        """Of whole frames."""
+        grey = (cv2.cvtColor(f.color, cv2.COLOR_RGB2GRAY).astype(float) for f in (a, b))
+        return cls(a.depth_m, b.depth_m, *_equally_exposed(*grey), intrinsics)
+
+    @classmethod
+    def of_blocks(cls, a: ReducedFrame, b: ReducedFrame) -> "ImagePair":
+        """Of frames in blocks."""
+        grey = (f.grey.astype(float) for f in (a, b))
+        return cls(_depth_m(a), _depth_m(b), *_equally_exposed(*grey), b.intrinsics)
 
     def terms(self, blur_px: float, depth_sigma_per_m2: float) -> tuple[ResidualTerm, ResidualTerm]:
         """The surfaces and the brightness of a and b, as images blurred by so much show them."""
@@ -86,6 +90,20 @@ class ImagePair:
         """Points (M, 3) of pixels (M, 2)."""
         z = 1 / inverse_depth[px[:, 1], px[:, 0]]
         return np.asarray(self.intrinsics.unproject(px, z), np.float64)
+
+
+def _equally_exposed(grey_a: Array, grey_b: Array) -> tuple[Array, Array]:
+    """The darker image is made as bright as the other, and as clipped."""
+    gain = exposure_gain(grey_a, grey_b)
+    brightness_a = np.minimum(grey_a * max(gain, 1.0), 255.0)
+    brightness_b = np.minimum(grey_b / min(gain, 1.0), 255.0)
+    return brightness_a, brightness_b
+
+
+def _depth_m(frame: ReducedFrame) -> DepthImage:
+    """Depth (H, W) of blocks, 0 where there is none."""
+    known = frame.inverse_depth > 0
+    return np.divide(1, frame.inverse_depth, out=np.zeros_like(frame.inverse_depth), where=known)
 
 
 def _grid(wanted: NDArray[np.bool_], stride_px: int) -> NDArray[np.intp]:

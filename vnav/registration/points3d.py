@@ -1,4 +1,4 @@
-"""Two frames registered by their matched 3D points: claim 3, S3 to S5."""
+"""Two frames registered by their matched features: claim 3, S3 to S5."""
 
 from dataclasses import dataclass, replace
 from math import ceil
@@ -13,8 +13,8 @@ from vnav.core.arrays import Array
 from vnav.core.camera import Intrinsics
 from vnav.core.frame import Features, PoseEstimate, Rejected
 from vnav.core.mapping import FrameFeatures
-from vnav.registration.correspondences import Correspondences
-from vnav.registration.estimation import estimate_motion, refine_motion
+from vnav.registration.correspondences import Correspondences, ImagesInBlocks
+from vnav.registration.estimators import estimator
 
 TWINS_SOUGHT = 64  # of the matches that agree, evenly spread over them
 MOTIONS = 3  # of a set of matches: the camera's, and those of what repeats or moves
@@ -39,13 +39,15 @@ class Matcher(Protocol):
 class PointRegistration:
     """Registers frame b, taken by ``camera_b``, against frame a, taken by ``camera_a``.
 
-    ``config`` says how far pixels and depths are trusted.
+    ``config`` says how far pixels and depths are trusted, and names the estimator of the motion.
+    ``images``: of a and of b, for those that ask for them.
     """
 
     camera_a: Intrinsics
     camera_b: Intrinsics
     config: RegistrationConfig
     matcher: Matcher
+    images: ImagesInBlocks | None = None
 
     def register(
         self,
@@ -108,7 +110,7 @@ class PointRegistration:
         matches = self.match_guided(a, b, T_a_b, self.config.refine_radius_px)
         if len(matches) < max(at_least, self.config.min_inliers):
             return Rejected("too few matches", len(matches))
-        return refine_motion(T_a_b, self._correspondences(a, b, matches), self.config)
+        return estimator(self.config).refine(T_a_b, self._correspondences(a, b, matches))
 
     def match_guided(
         self,
@@ -179,10 +181,11 @@ class PointRegistration:
     ) -> list[PoseEstimate] | Rejected:
         """Sequential RANSAC: the motion that most matches agree with, and again of the rest."""
         found: list[PoseEstimate] = []
+        of_matches = estimator(self.config)
         rejected = Rejected("too few matches", len(matches))
         while len(found) < count and len(matches) >= self.config.min_inliers:
             correspondences = self._correspondences(a, b, matches)
-            estimate = estimate_motion(correspondences, self.config, rng)
+            estimate = of_matches.estimate(correspondences, rng)
             if isinstance(estimate, Rejected):
                 rejected = estimate
                 break
@@ -200,7 +203,8 @@ class PointRegistration:
     def _correspondences(
         self, a: FrameFeatures, b: FrameFeatures, matches: NDArray[np.int32]
     ) -> Correspondences:
-        return Correspondences(a, b, matches, (self.camera_a, self.camera_b), self.config)
+        cameras = self.camera_a, self.camera_b
+        return Correspondences(a, b, matches, cameras, self.config, self.images)
 
 
 def _projected(

@@ -29,17 +29,17 @@ def gauss_newton(
     """
     T = T_a_b.copy()
     for _ in range(ITERATIONS):
-        H, g, _ = _normal_equations(T, source, target, forward, cameras, variances)
+        H, g, _ = normal_equations(T, source, target, forward, cameras, variances)
         step = -np.linalg.solve(H + 1e-9 * (1 + np.trace(H)) * np.eye(6), g)
         T = T @ exp(step)
         if np.abs(step).max() < CONVERGED:
             break
-    H, g, squared = _normal_equations(T, source, target, forward, cameras, variances)
+    H, g, squared = normal_equations(T, source, target, forward, cameras, variances)
     return T, H, squared
 
 
 @compiled
-def _normal_equations(
+def normal_equations(
     T_a_b: Array,
     source: Array,
     target: Array,
@@ -47,6 +47,7 @@ def _normal_equations(
     cameras: Array,
     variances: Array,
 ) -> tuple[Array, Array, Array]:
+    """Normal matrix (6, 6), gradient (6,) and squared residuals (M,) of a motion."""
     H, g, squared = np.zeros((6, 6)), np.zeros(6), np.full(len(source), np.inf)
     p, e, S, J = np.empty(3), np.empty(3), np.empty((3, 3)), np.empty((3, 6))
     T_b_a = inverse(T_a_b)
@@ -61,12 +62,12 @@ def _normal_equations(
         e[0] = there[0] * p[0] / p[2] + there[2] - target[m, 0]
         e[1] = there[1] * p[1] / p[2] + there[3] - target[m, 1]
         e[2] = 1 / p[2] - target[m, 2]
-        _covariance(S, T, source[m], p, here, there, variances)
+        carried_covariance(S, T, source[m], p, here, there, variances)
         if forward[m]:
             jacobian(J, T_a_b, p, p, there, True)
         else:
             jacobian(J, T_a_b, source[m], p, there, False)
-        _whiten(S, e, J, size)
+        whiten(S, e, J, size)
         squared[m] = 0.0
         for k in range(size):
             squared[m] += e[k] * e[k]
@@ -80,7 +81,7 @@ def _normal_equations(
 
 
 @compiled
-def _covariance(
+def carried_covariance(
     S: Array, T: Array, point: Array, p: Array, here: Array, there: Array, variances: Array
 ) -> None:
     """Covariance (3, 3) of (u, v, 1/z) there: its own, and that of the point carried over by T."""
@@ -106,7 +107,7 @@ def _covariance(
 
 
 @compiled
-def _whiten(S: Array, e: Array, J: Array, size: int) -> None:
+def whiten(S: Array, e: Array, J: Array, size: int) -> None:
     """Divide e and J by the Cholesky factor of the leading part of S, in place."""
     for k in range(size):
         for n in range(k):

@@ -10,7 +10,7 @@ from vnav.core.frame import Edge, Frame, PoseEstimate
 from vnav.core.mapping import FrameFeatures
 from vnav.features.description import points_of, undescribed
 from vnav.registration.correspondences import Correspondences
-from vnav.registration.estimation import refine_motion
+from vnav.registration.estimators.points3d import Points3dEstimator
 from vnav.registration.image_filters import exposure_gain
 from vnav.tracking.local_map import LocalMap, VisiblePoints, grey_image
 from vnav.tracking.motion import ConstantVelocity
@@ -71,7 +71,7 @@ class MapTracker:
         matches = np.repeat(np.arange(len(px), dtype=np.int32)[:, None], 2, 1)
         cameras = frame.intrinsics, frame.intrinsics
         correspondences = Correspondences(a, b, matches, cameras, config)
-        estimate = refine_motion(T_a_camera, correspondences, config)
+        estimate = Points3dEstimator(config).refine(T_a_camera, correspondences)
         return estimate if isinstance(estimate, PoseEstimate) else None
 
 

@@ -52,10 +52,10 @@ class PoseSearch:
         Some of the targets are those of the choice. None where too few features agree.
         """
         poses = [t.pose(choice.estimates[t.row]) for t in targets if t.row in choice.estimates]
-        pair, found = self._pair(current), {}
+        found = {}
         for target in targets if poses else []:
-            T_a_b = target.motion(poses[0])
-            near = pair.register_near(target.frame.features, current.features, T_a_b)
+            a, b, T_a_b = target.frame.features, current.features, target.motion(poses[0])
+            near = self._pair(target, current).register_near(a, b, T_a_b)
             if isinstance(near, PoseEstimate):
                 found[target.row] = replace(near, probability=choice.probability)
         others = {row: e for row, e in choice.alternatives.items() if row in found}
@@ -69,7 +69,7 @@ class PoseSearch:
         expected: Sequence[Array],
     ) -> list[PoseEstimate]:
         """The motion from a target to the best pose so far, else all that matches agree on."""
-        a, b, pair = target.frame.features, current.features, self._pair(current)
+        a, b, pair = target.frame.features, current.features, self._pair(target, current)
         predicted = target.motion(best if best is not None else expected[0]) if expected else None
         if best is not None:
             near = pair.register_near(a, b, target.motion(best))
@@ -83,7 +83,7 @@ class PoseSearch:
 
         An expected pose near which matches agree on another has that one in its stead.
         """
-        a, b, pair = target.frame.features, current.features, self._pair(current)
+        a, b, pair = target.frame.features, current.features, self._pair(target, current)
         predicted, rng = target.motion(choice.poses[0]), self._rng(target, current)
         for pose in choice.missing(target):
             near = pair.register_near(a, b, target.motion(pose))
@@ -92,8 +92,10 @@ class PoseSearch:
                 choice.drop(pose)
         choice.add(target, pair.among_twins(a, b, rng, predicted))
 
-    def _pair(self, current: TrackedFrame) -> PointRegistration:
-        return PointRegistration(current.camera, current.camera, self._config, self._matcher)
+    def _pair(self, target: Target, current: TrackedFrame) -> PointRegistration:
+        images = target.frame.image, current.image
+        camera = current.camera
+        return PointRegistration(camera, camera, self._config, self._matcher, images)
 
     def _rng(self, target: Target, current: TrackedFrame) -> np.random.Generator:
         return np.random.default_rng([self._seed, target.row, current.features.row])

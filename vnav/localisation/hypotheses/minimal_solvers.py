@@ -5,10 +5,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from vnav.compiled.p3p import p3p
 from vnav.core.arrays import Array
 from vnav.core.camera import Intrinsics
 from vnav.localisation.hypotheses.dlt import dlt, focal_of, poses_of
-from vnav.localisation.hypotheses.p3p import p3p
 from vnav.localisation.view import CameraPrior
 
 UNKNOWN_FOCAL_SIGMA = 0.2  # relative; a focal length with more is as good as unknown

@@ -1,7 +1,7 @@
 import numpy as np
 
+from vnav.compiled.p3p import p3p
 from vnav.core import se3
-from vnav.localisation.hypotheses.p3p import p3p
 
 
 def problems(count, rng):

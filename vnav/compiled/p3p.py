@@ -5,10 +5,11 @@ Source: Persson, Nordberg, "Lambda Twist: an accurate fast robust perspective th
 """
 
 import numpy as np
+from numpy.typing import NDArray
 
 from vnav.compiled import compiled
-from vnav.core.arrays import Array
 
+Array = NDArray[np.float64]
 Pair = tuple[float, float]
 Three = tuple[float, float, float]  # of the pairs of points 12, 13, 23, or of the points
 Six = tuple[float, float, float, float, float, float]  # a symmetric matrix: 00 01 02 11 12 22

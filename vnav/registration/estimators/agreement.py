@@ -1,0 +1,36 @@
+"""Which motions are taken: those that enough matches agree on, and that these fix."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vnav.config import RegistrationConfig
+from vnav.core.arrays import Array
+from vnav.core.frame import PoseEstimate, Rejected
+from vnav.registration.correspondences import Correspondences
+
+LINE_SIGMAS = 2.0  # of depth: points that spread less off a line do not fix the turn about it
+
+
+def agreed(
+    T_a_b: Array,
+    information: Array,
+    inlier: NDArray[np.bool_],
+    correspondences: Correspondences,
+    config: RegistrationConfig,
+) -> PoseEstimate | Rejected:
+    """The estimate, with those matches (M,) that agree; Rejected where these do not fix it."""
+    matches, count = correspondences.matches, int(inlier.sum())
+    if count < config.min_inliers:
+        return Rejected("too few inliers", len(matches), count)
+    if count < config.min_inlier_share * len(matches):
+        return Rejected("too small a share of inliers", len(matches), count)
+    if _are_collinear(correspondences.points_a(T_a_b)[inlier], config):
+        return Rejected("matches on a line", len(matches), count)
+    return PoseEstimate(T_a_b, information, matches[inlier], len(matches))
+
+
+def _are_collinear(points: Array, config: RegistrationConfig) -> bool:
+    """Whether points (M, 3) spread off a line by no more than noise; so do those on one spot."""
+    variance = np.linalg.eigvalsh(np.cov(points.T, bias=True))[1]
+    noise = config.depth_sigma_per_m2**2 * (points[:, 2] ** 4).mean()
+    return bool(variance < LINE_SIGMAS**2 * noise)
