@@ -22,6 +22,8 @@ DESCRIPTORS = "descriptors"  # the tracker that has every frame described
 TRACKERS: Registry = {
     DESCRIPTORS: "vnav.tracking.trackers.descriptors:DescriptorTracker",
     "klt": "vnav.tracking.trackers.klt:KltTracker",
+    "ncc": "vnav.tracking.trackers.ncc:NccTracker",
+    "ferns": "vnav.tracking.trackers.ferns:FernsTracker",
 }
 SEARCHES: Registry = {
     "compound": "vnav.localisation.search.methods:CompoundSearch",

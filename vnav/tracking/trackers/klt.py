@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from vnav.config import Config
 from vnav.core.arrays import Array, Floats
 from vnav.core.frame import Features
+from vnav.tracking.trackers.grey import grey_of
 
 WINDOW_PX = 21
 LEVELS = 3  # of the pyramid, above the image
@@ -23,11 +24,11 @@ class KltTracker:
     """Follows the brightness around points from one image to the next."""
 
     def __init__(self, color: NDArray[np.uint8], features: Features, _config: Config) -> None:
-        self._grey, self._px = _grey(color), features.keypoints_px
+        self._grey, self._px = grey_of(color), features.keypoints_px
 
     def find(self, color: NDArray[np.uint8], predicted_px: Array) -> Floats:
         """See `Tracker`; a point that one image does not show is not sought in those after it."""
-        grey, found = _grey(color), np.full((len(self._px), 2), np.nan, np.float32)
+        grey, found = grey_of(color), np.full((len(self._px), 2), np.nan, np.float32)
         rows = np.flatnonzero(np.isfinite(self._px).all(1) & np.isfinite(predicted_px).all(1))
         if len(rows):
             px = self._px[rows]
@@ -38,10 +39,6 @@ class KltTracker:
             found[rows[good]] = there[good]
         self._grey, self._px = grey, found
         return found
-
-
-def _grey(color: NDArray[np.uint8]) -> NDArray[np.uint8]:
-    return np.asarray(cv2.cvtColor(np.asarray(color), cv2.COLOR_RGB2GRAY))
 
 
 def _follow(
