@@ -28,6 +28,7 @@ COMMANDS = {
     "score": "score",
     "evaluate": "evaluate",
     "check": "check",
+    "tracks": "tracks",
     "config": "config",
     "info": "info",
     "export": "export",

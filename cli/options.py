@@ -27,6 +27,14 @@ map_option = click.option(
 )
 
 
+def named_png(_context: click.Context, _option: click.Parameter, path: Path | None) -> Path | None:
+    """UsageError where a picture would get the name of something else."""
+    is_device = path is not None and path.exists() and not path.is_file()
+    if path is not None and path.suffix.lower() != ".png" and not is_device:
+        raise click.BadParameter(f"expected a name that ends in .png, found {path}")
+    return path
+
+
 def map_argument_or_option(command: Callable[..., Any]) -> Callable[..., Any]:
     """Add [MAP] and --map, of which one at most is given, and which arrives as ``map_dir``."""
 

@@ -8,16 +8,8 @@ from typing import Any
 import click
 
 from vnav.cli.locate import CAMERA_HELP
-from vnav.cli.options import config_options, map_option, warn
+from vnav.cli.options import config_options, map_option, named_png, warn
 from vnav.cli.say import say
-
-
-def _named_png(_context: click.Context, _option: click.Parameter, path: Path | None) -> Path | None:
-    """UsageError where a picture would get the name of something else."""
-    is_device = path is not None and path.exists() and not path.is_file()
-    if path is not None and path.suffix.lower() != ".png" and not is_device:
-        raise click.BadParameter(f"expected a name that ends in .png, found {path}")
-    return path
 
 
 @click.command()
@@ -65,7 +57,7 @@ def _named_png(_context: click.Context, _option: click.Parameter, path: Path | N
     "--png",
     "png_file",
     type=click.Path(path_type=Path),
-    callback=_named_png,
+    callback=named_png,
     help="Draw the path too, into a .png.",
 )
 def plan(

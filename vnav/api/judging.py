@@ -2,6 +2,7 @@
 
 import logging
 from collections.abc import Sequence
+from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -14,14 +15,17 @@ from vnav.api.arguments import (
     config_of,
     trajectory_of,
 )
-from vnav.config import CaptureConfig
+from vnav.config import CaptureConfig, Config
 from vnav.core.progress import Progress, silent
 from vnav.core.trajectory import Trajectory
+from vnav.errors import CaptureError
+from vnav.io.sources.open_capture import read_truth, truth_of
 
 if TYPE_CHECKING:
     from vnav.checking.capture_report import CaptureReport
     from vnav.evaluation.score import Score
     from vnav.evaluation.stored_runs import Outcome
+    from vnav.evaluation.tracker_matches import TrackerPair
     from vnav.io.datasets.suite_file import Suite
 
 log = logging.getLogger(__name__)
@@ -58,12 +62,55 @@ def score(
     ``frames`` frames. TrajectoryError where fewer than three do.
     """
     from vnav.evaluation import score as scoring
-    from vnav.io.sources.open_capture import read_truth
 
     if not isinstance(truth, Trajectory):
         camera_file = None if camera is None else Path(camera)
         truth = read_truth(Path(truth), CaptureConfig(), camera_file)
     return scoring.score(trajectory_of(trajectory), truth, max_difference_s, frames)
+
+
+def compare_trackers(
+    capture: CaptureSource,
+    a: int,
+    b: int,
+    *,
+    config: ConfigSource = None,
+    camera: AnyPath | None = None,
+) -> "TrackerPair":
+    """What every tracker finds in frame b of a capture of the points of frame a.
+
+    Held against depth and truth where the capture is a folder that comes with its truth.
+    CaptureError where there is no such frame.
+    """
+    from vnav.evaluation.tracker_matches import match_by_all, true_motion
+    from vnav.io.sources.rectify import rectified, resampled
+
+    settings = config_of(config)
+    source = capture_of(capture, settings, camera)
+    for row in (a, b):
+        if not 0 <= row < len(source):
+            raise CaptureError(
+                f"expected frames 0 to {len(source) - 1} of {source.name}, found {row}"
+            )
+    step = 1 if b > a else -1
+    before = [k for k in (b - 2 * step, b - step) if 0 <= k < len(source)]
+    rows = [a, b, *before]
+    first, second, *others = (resampled(source.read(k), rectified(source.camera)) for k in rows)
+    truth = truth_of_capture(capture, settings, camera)
+    T_a_b = true_motion(truth, first.stamp_s, second.stamp_s, settings.capture.association_s)
+    return match_by_all(first, second, others, T_a_b, settings)
+
+
+def truth_of_capture(
+    capture: CaptureSource, settings: Config, camera: AnyPath | None
+) -> Trajectory | None:
+    """The true poses that a folder comes with; None where it has none."""
+    if not isinstance(capture, str | PathLike):
+        return None
+    path, camera_file = Path(capture), None if camera is None else Path(camera)
+    if truth_of(path, settings.capture) is None:
+        return None
+    return read_truth(path, settings.capture, camera_file)
 
 
 def evaluate(

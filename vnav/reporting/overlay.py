@@ -8,13 +8,13 @@ from numpy.typing import NDArray
 
 from vnav.core.voxels import Voxels
 from vnav.errors import VnavError
-from vnav.io.files import write_bytes
 from vnav.io.photos.photo_files import read_photo
 from vnav.localisation.database import LandmarkDatabase
 from vnav.localisation.verdict.answer import PhotoAnswer, summary
 from vnav.localisation.verification.prediction import predict
 from vnav.localisation.verification.verify import VerifiedPose
 from vnav.reporting.inset import GREEN, RED, Inset
+from vnav.reporting.picture_file import write_picture
 
 YELLOW, BLUE = (0, 220, 255), (255, 150, 60)  # BGR
 MOST_PLACES = 8  # drawn of a photo that was not located
@@ -40,16 +40,7 @@ def draw(answer: PhotoAnswer, database: LandmarkDatabase, path: Path) -> None:
             f"expected another file for the picture than its photo {path}, and wrote nothing; name"
             " another with --overlay"
         )
-    try:
-        _, picture = cv2.imencode(path.suffix, canvas)
-        path.parent.mkdir(parents=True, exist_ok=True)
-        write_bytes(path, picture.tobytes())
-    except (OSError, cv2.error) as error:
-        found = error.strerror if isinstance(error, OSError) else "another suffix"
-        raise VnavError(
-            f"expected to write a picture to {path}, found: {found}; name a .jpg or .png that can"
-            " be written with --overlay"
-        ) from error
+    write_picture(path, canvas, "--overlay")
 
 
 def _seen(answer: PhotoAnswer) -> NDArray[np.uint8]:

@@ -63,7 +63,7 @@ class FollowedFrames:
     def remember(self, current: TrackedFrame, frame: Frame) -> None:
         """Follow the points of a frame from now on, if its features are its own."""
         if not current.is_followed:
-            points = _spread(current.features)
+            points = strongest_in_cells(current.features)
             found_by = tracker(frame.color, points.features, self._config)
             self._source = Source(points, found_by)
 
@@ -83,7 +83,7 @@ class FollowedFrames:
         return FrameFeatures(row, features, points_of(px[found], frame, self._config))
 
 
-def _spread(frame: FrameFeatures) -> FrameFeatures:
+def strongest_in_cells(frame: FrameFeatures) -> FrameFeatures:
     """The strongest of the features with depth in each cell of the image."""
     px, scores = frame.features.keypoints_px, frame.features.scores
     rows = np.flatnonzero(frame.has_depth)
