@@ -22,9 +22,8 @@ from pathlib import Path
 
 import numpy as np
 from accuracy import STRANGERS, frames_of, poses_in, vnav
-from front_ends import cpu_seconds
 from numpy.typing import NDArray
-from photo_cases import Case, command, house, kitchen_halves
+from photo_cases import Case, built, house, kitchen_halves
 from recording import Measurement, add_record_option, missed, record, table
 from speed import SHARED
 
@@ -32,6 +31,7 @@ from vnav.api.map import Map, open_map
 from vnav.config import Config, load
 from vnav.config.registries import SEARCHES
 from vnav.evaluation.metrics import WRONG, relocalisation_error
+from vnav.io.store.map_folder import STAGES
 from vnav.localisation.verdict.answer import PhotoAnswer
 
 Array = NDArray[np.float64]
@@ -39,7 +39,6 @@ Array = NDArray[np.float64]
 WAYS = {"default": None, "patent": "patent"}  # and their presets
 NEAR = 0.05, 2.0  # metres, degrees
 PATHS, SEED = 20, 2
-CPU_FILE = "build_cpu_s.json"
 LEVELS = {  # of 2D-3D and of 3D-2D, from where
     "levels 3 and 5 from the root": ("root", 3, 5),
     "levels 3 and 5 from the leaves": ("leaves", 3, 5),
@@ -86,13 +85,10 @@ def located(case: Case, config: Config) -> Asked:
 
 
 def whole(capture: Path, folder: Path, preset: str | None) -> float:
-    """Build the map of a capture where it is not there; the processor's seconds that it took."""
-    options = ("--config", preset) if preset else ()
-    file = folder / CPU_FILE
-    seconds = cpu_seconds(command("build-map", capture, "--map", folder, *options))
-    if not file.is_file():
-        file.write_text(json.dumps(seconds), "utf-8")
-    return float(json.loads(file.read_text("utf-8")))
+    """Build the map of a capture where it is not there; the processor's seconds of its stages."""
+    built(folder, capture, None, *(("--config", preset) if preset else ()))
+    reports = (folder / "reports" / f"{stage}.json" for stage in STAGES)
+    return sum(float(json.loads(path.read_text("utf-8"))["cpu_seconds"]) for path in reports)
 
 
 def trajectory(capture: Path, what: str, folder: Path) -> Iterator[Measurement]:
