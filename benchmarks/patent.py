@@ -12,6 +12,7 @@ time is the processor's, of all cores, as a ratio to the default's in the same r
 """
 
 import argparse
+import itertools
 import json
 import shutil
 import sys
@@ -22,6 +23,7 @@ from pathlib import Path
 
 import numpy as np
 from accuracy import STRANGERS, frames_of, poses_in, vnav
+from front_ends import told
 from numpy.typing import NDArray
 from photo_cases import Case, built, house, kitchen_halves
 from recording import Measurement, add_record_option, missed, record, table
@@ -189,7 +191,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--out", type=Path, default=Path("bench/patent"), help="of the maps")
     add_record_option(parser)
     asked = parser.parse_args(arguments)
-    found = [*chains(asked.out), *searches(asked.out)]
+    found = told(itertools.chain(chains(asked.out), searches(asked.out)))
     print(table(found))
     if asked.record:
         record("patent", "how often right", found, arguments)
