@@ -28,6 +28,13 @@ from vnav.cli.build_map import camera_option
     show_default=True,
     help="How many frames apart the poses are whose relative error is taken.",
 )
+@click.option(
+    "--align",
+    type=click.Choice(["se3", "sim3"]),
+    default="se3",
+    show_default=True,
+    help="sim3 scales the poses to the true ones: for a trajectory without scale.",
+)
 @camera_option
 @click.option("--json", "as_json", is_flag=True, help="Print the score as one JSON object.")
 def score(
@@ -35,6 +42,7 @@ def score(
     truth: Path,
     max_difference_s: float,
     frames: int,
+    align: str,
     camera_file: Path | None,
     as_json: bool,
 ) -> None:
@@ -47,7 +55,12 @@ def score(
     from vnav.evaluation.score import table
 
     result = measure(
-        trajectory, truth, max_difference_s=max_difference_s, frames=frames, camera=camera_file
+        trajectory,
+        truth,
+        max_difference_s=max_difference_s,
+        frames=frames,
+        align=align,
+        camera=camera_file,
     )
     if as_json:
         click.echo(json.dumps(result.as_dict(), indent=1, allow_nan=False))

@@ -59,6 +59,17 @@ def test_the_scale_is_told_and_not_applied() -> None:
     assert error.translation_m.rmse == pytest.approx(expected, rel=1e-9)
 
 
+def test_a_similarity_makes_a_walk_of_another_scale_the_same() -> None:
+    truth = _walk(1)
+    small = se3.exp([2.0, -1.0, 0.5, 3.0, 1.0, -2.0]) @ truth
+    small[:, :3, 3] *= 0.4
+    before = small.copy()
+    grown, scale = metrics.scaled(small, truth)
+    assert scale == pytest.approx(2.5)
+    assert metrics.absolute_error(grown, truth).translation_m.max < 1e-12
+    np.testing.assert_array_equal(small, before)
+
+
 def test_an_estimate_that_never_moves_has_no_scale() -> None:
     truth = _walk(2)
     error = metrics.absolute_error(np.repeat(np.eye(4)[None], len(truth), 0), truth)
@@ -151,6 +162,20 @@ def test_ate_agrees_with_evo(seed: int) -> None:
     ours = metrics.absolute_error(estimate, truth)
     _assert_same(ours.translation_m, ape)
     assert ours.scale == pytest.approx(scale, abs=1e-9)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_ate_after_a_similarity_agrees_with_evo(seed: int) -> None:
+    evo, truth = _evo(), _walk(seed)
+    estimate = _drifting(truth, seed)
+    estimate[:, :3, 3] *= 0.3
+    reference, aligned = evo.path(truth), evo.path(estimate)
+    _, _, theirs = aligned.align(reference, correct_scale=True)
+    ape = evo.metrics.APE(evo.relation.translation_part)
+    ape.process_data((reference, aligned))
+    grown, scale = metrics.scaled(estimate, truth)
+    assert scale == pytest.approx(theirs, abs=1e-9)
+    _assert_same(metrics.absolute_error(grown, truth).translation_m, ape)
 
 
 @pytest.mark.parametrize("seed", range(3))

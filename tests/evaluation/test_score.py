@@ -69,6 +69,23 @@ def test_a_walk_too_short_for_a_metre_has_no_figure_there() -> None:
     assert any("RPE over 1 m" in line and line.split()[-2:] == ["-", "0"] for line in table(result))
 
 
+def test_a_trajectory_without_scale_is_scored_after_a_similarity() -> None:
+    small = _circle().T_world_camera.copy()
+    small[:, :3, 3] /= 4
+    result = score(Trajectory(_circle().stamps_s, small), _circle(), 0.02, align="sim3")
+    assert result.scale == pytest.approx(4)
+    assert result.ate.translation_m.max < 1e-12
+    assert [error.translation_m.max < 1e-12 for error in result.rpe.values()] == [True] * 3
+    assert result.paths_m[1] == pytest.approx(result.paths_m[0])
+    assert "scale      4.0000 applied" in table(result)
+
+
+def test_an_estimate_of_one_place_has_no_similarity() -> None:
+    still = Trajectory(_circle().stamps_s, np.repeat(np.eye(4)[None], 100, 0))
+    with pytest.raises(TrajectoryError, match="--align se3"):
+        score(still, _circle(), 0.02, align="sim3")
+
+
 def test_the_command_prints_a_table_or_json(tmp_path: Path) -> None:
     write_tum(tmp_path / "a.tum", _circle())
     write_tum(tmp_path / "b.tum", _circle(start_s=0.001))

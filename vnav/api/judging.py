@@ -53,20 +53,22 @@ def score(
     *,
     max_difference_s: float = 0.02,
     frames: int = 1,
+    align: str = "se3",
     camera: AnyPath | None = None,
 ) -> "Score":
     """ATE and RPE of poses against the true ones, each a trajectory or a TUM file.
 
     ``truth`` may also be a capture folder that comes with its truth, ``camera`` that capture's.
     Poses belong together whose times differ by less than ``max_difference_s``; RPE is taken over
-    ``frames`` frames. TrajectoryError where fewer than three do.
+    ``frames`` frames. ``align``: "se3", or "sim3" for a trajectory whose scale is not known.
+    TrajectoryError where fewer than three do.
     """
     from vnav.evaluation import score as scoring
 
     if not isinstance(truth, Trajectory):
         camera_file = None if camera is None else Path(camera)
         truth = read_truth(Path(truth), CaptureConfig(), camera_file)
-    return scoring.score(trajectory_of(trajectory), truth, max_difference_s, frames)
+    return scoring.score(trajectory_of(trajectory), truth, max_difference_s, frames, align)
 
 
 def compare_trackers(

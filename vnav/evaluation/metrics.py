@@ -71,6 +71,18 @@ def absolute_error(T_world_camera: ArrayLike, T_truth_camera: ArrayLike) -> Abso
     )
 
 
+def scaled(T_world_camera: ArrayLike, T_truth_camera: ArrayLike) -> tuple[Array, float]:
+    """Poses (N, 4, 4) grown to the scale that fits the true ones best, and that scale.
+
+    With the alignment of `absolute_error` that is the similarity of Umeyama 1991, Sim(3). NaN for
+    an estimate of one place.
+    """
+    poses = np.array(T_world_camera, float)
+    scale = absolute_error(poses, T_truth_camera).scale
+    poses[:, :3, 3] *= scale
+    return poses, scale
+
+
 def _scale(T_truth_world: Array, estimate: Array, truth: Array) -> float:
     """The scale of the similarity that fits best (Umeyama 1991); its rotation is the same."""
     turned = (estimate - estimate.mean(0)) @ T_truth_world[:3, :3].T

@@ -5,29 +5,38 @@ from typing import Any
 
 import numpy as np
 
+from vnav.core.arrays import Array
 from vnav.core.association import associate, span
 from vnav.core.trajectory import Trajectory
 from vnav.errors import TrajectoryError
 from vnav.evaluation import metrics
 
 MIN_PAIRS = 3  # what an alignment takes
+SE3, SIM3 = "se3", "sim3"
+ALIGNMENTS = {SE3: "SE(3)", SIM3: "Sim(3)"}  # with and without a scale
 
 
 @dataclass(frozen=True)
 class Score:
-    """What `score` finds; ``paths_m``: true and estimated length, through the pairs only."""
+    """What `score` finds; ``paths_m``: true and estimated length, through the pairs only.
+
+    ``align``: "se3" or "sim3"; ``scale``: by how much the estimate would have to grow to fit best,
+    or has grown; NaN for an estimate of one place.
+    """
 
     pairs: int
     poses: int
     truth_poses: int
     duration_s: float
     paths_m: tuple[float, float]
+    align: str
+    scale: float
     ate: metrics.AbsoluteError
     rpe: dict[str, metrics.RelativeError]  # keys "N frames", "1 m", "1 s"
 
     def as_dict(self) -> dict[str, Any]:
         """Plain values for JSON; null where there is nothing to average."""
-        ate, scale = self.ate, self.ate.scale
+        ate, scale = self.ate, self.scale
         return {
             "pairs": self.pairs,
             "poses": self.poses,
@@ -35,6 +44,7 @@ class Score:
             "duration_s": self.duration_s,
             "path_truth_m": self.paths_m[0],
             "path_estimate_m": self.paths_m[1],
+            "align": self.align,
             "scale": scale if np.isfinite(scale) else None,
             "T_truth_world": ate.T_truth_world.tolist(),
             "ate_m": asdict(ate.translation_m),
@@ -43,19 +53,27 @@ class Score:
 
 
 def score(
-    estimate: Trajectory, truth: Trajectory, max_difference_s: float, frames: int = 1
+    estimate: Trajectory,
+    truth: Trajectory,
+    max_difference_s: float,
+    frames: int = 1,
+    align: str = SE3,
 ) -> Score:
     """ATE, and RPE over ``frames`` frames, 1 m and 1 s, of the poses whose times agree.
 
     Poses are paired one to one by times that differ by less than ``max_difference_s``. Pairs of
-    poses for RPE are chosen on the estimate, as TUM's tool and evo do. TrajectoryError where fewer
-    than three are paired.
+    poses for RPE are chosen on the estimate, as TUM's tool and evo do. With ``align`` "sim3" the
+    estimate is scaled to the truth before anything is measured. TrajectoryError where fewer than
+    three are paired, or an estimate that never moves has no scale.
     """
     matches = associate(estimate.stamps_s, truth.stamps_s, max_difference_s)
     if len(matches) < MIN_PAIRS:
         raise TrajectoryError(_too_few(estimate, truth, len(matches), max_difference_s))
     stamps_s = estimate.stamps_s[matches[:, 0]]
     poses, true_poses = estimate.T_world_camera[matches[:, 0]], truth.T_world_camera[matches[:, 1]]
+    grown, scale = metrics.scaled(poses, true_poses)
+    if align == SIM3:
+        poses = _with_scale(grown, scale)
     over = {
         f"{frames} frame{'s' * (frames > 1)}": metrics.pairs_over_frames(len(poses), frames),
         "1 m": metrics.pairs_over_path(poses[:, :3, 3], 1.0),
@@ -67,9 +85,20 @@ def score(
         len(truth),
         float(stamps_s[-1] - stamps_s[0]),
         (Trajectory(stamps_s, true_poses).length_m, Trajectory(stamps_s, poses).length_m),
+        align,
+        scale,
         metrics.absolute_error(poses, true_poses),
         {name: metrics.relative_error(poses, true_poses, pairs) for name, pairs in over.items()},
     )
+
+
+def _with_scale(grown: Array, scale: float) -> Array:
+    if not scale > 0:
+        raise TrajectoryError(
+            f"expected an estimate that moves as the truth does, found a scale of {scale:.4g}; use"
+            " --align se3"
+        )
+    return grown
 
 
 def table(result: Score) -> list[str]:
@@ -79,10 +108,11 @@ def table(result: Score) -> list[str]:
         f"pairs      {result.pairs} of {result.poses} poses, {result.truth_poses} true ones",
         f"path       {result.paths_m[0]:.3f} m true, {result.paths_m[1]:.3f} m estimated,"
         f" {result.duration_s:.1f} s",
-        f"scale      {ate.scale:.4f} would fit best (not applied)",
+        f"scale      {result.scale:.4f} "
+        + ("applied" if result.align == SIM3 else "would fit best (not applied)"),
         "",
         f"{'':22}{'rmse':>10}{'mean':>10}{'median':>10}{'max':>10}{'pairs':>8}",
-        _row("ATE, SE(3) aligned", "m", ate.translation_m, result.pairs),
+        _row(f"ATE, {ALIGNMENTS[result.align]} aligned", "m", ate.translation_m, result.pairs),
     ]
     for name, error in result.rpe.items():
         lines.append(_row(f"RPE over {name}", "m", error.translation_m, error.pairs))
