@@ -116,19 +116,22 @@ def summary(report: CaptureReport) -> list[str]:
     seen = [] if look is None else _seen(look, report.camera.units_per_metre)
     if files is None:
         return [f"capture  {report.name}", frames, times, *seen]
-    color, depth = sizes_text(files.color_sizes), sizes_text(files.depth_sizes)
-    registered = "registered" if report.camera.is_registered else "not registered"
+    color, depth = sizes_text(files.color_sizes), _depth_text(report.camera, files)
     return [
         f"capture  {report.name}",
         f"{frames}; images without partner: {files.dropped_color} colour,"
         f" {files.dropped_depth} depth",
-        f"files    colour {color}; depth {depth}, {registered};"
-        f" unreadable: {len(files.unreadable)}",
+        f"files    colour {color}; depth {depth}; unreadable: {len(files.unreadable)}",
         f"{times}; depth {files.median_offset_s * 1e3:+.1f} ms from colour, at most"
         f" {files.largest_offset_s * 1e3:+.1f} ms",
         *seen,
         f"truth    {files.truth or 'none'}",
     ]
+
+
+def _depth_text(camera: Camera, files: FileFindings) -> str:
+    registered = "registered" if camera.is_registered else "not registered"
+    return f"{sizes_text(files.depth_sizes)}, {registered}" if files.depth_sizes else "none"
 
 
 def _seen(look: FrameFindings, units_per_metre: float) -> list[str]:

@@ -32,7 +32,7 @@ class FileFindings:
 
     How many whole ones of which size, the commonest first; names of those of another size than
     the commonest; what is wrong with the damaged ones; how many images found no partner; how much
-    later depth was taken than colour; the file of the true trajectory.
+    later depth was taken than colour, 0 without depth; the file of the true trajectory.
     """
 
     color_sizes: dict[Size, int]
@@ -75,7 +75,8 @@ def look_at_files(capture: FileBacked, progress: Progress) -> FileFindings:
     """Read every file whole; one that is missing, cut off or altered is named."""
     files = capture.files
     count = len(files.pairs)
-    images = [pair.color for pair in files.pairs] + [pair.depth for pair in files.pairs]
+    images = [pair.color for pair in files.pairs]
+    images += [pair.depth for pair in files.pairs if pair.depth is not None]
     sizes = list(_in_threads(_size_of, images, "reading files", progress))
     color, odd_color = _counted(images[:count], sizes[:count])
     depth, odd_depth = _counted(images[count:], sizes[count:])
@@ -86,8 +87,8 @@ def look_at_files(capture: FileBacked, progress: Progress) -> FileFindings:
         tuple(str(size) for size in sizes if isinstance(size, CaptureError)),
         len(files.dropped_color),
         len(files.dropped_depth),
-        float(np.median(files.offsets_s)),
-        float(max(files.offsets_s, key=abs)),
+        float(np.median(files.offsets_s)) if files.has_depth else 0.0,
+        float(max(files.offsets_s, key=abs, default=0.0)),
         None if capture.truth is None else capture.truth.name,
     )
 

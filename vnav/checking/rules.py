@@ -22,7 +22,8 @@ def no_depth(capture: Capture) -> tuple[str, ...]:
         return ()
     return (
         f"expected frames with depth, found {capture.name} with colour only; a map needs a depth"
-        " image for each colour image: record with an RGB-D camera, or add the depth",
+        " image for each colour image: record with an RGB-D camera, or add the depth; without, only"
+        " 'vnav odometry CAPTURE --config mono' works",
     )
 
 

@@ -197,11 +197,21 @@ def test_what_is_no_capture_is_said_and_what_would_be_one(tmp_path: Path) -> Non
         open_capture(tmp_path / "notes.txt", CONFIG)
 
 
+def test_a_tum_folder_without_depth_is_a_capture_of_colour(tmp_path: Path) -> None:
+    tum = write_tum(tmp_path, ["2.0", "1.0"], ["1.0", "2.0"])
+    (tum / "depth.txt").unlink()
+    (tum / "camera.toml").write_text(CAMERA.partition("[depth]")[0])
+    capture = open_capture(tum, CONFIG)
+    assert not capture.has_depth
+    assert capture.stamps_s.tolist() == [1.0, 2.0]
+    assert not capture.read(1).depth_m.any()
+    assert capture.read(1).color.shape == (6, 8, 3)
+    assert len(capture.fingerprint()) == 64
+
+
 def test_colour_without_depth_is_an_error(tmp_path: Path) -> None:
     tum = write_tum(tmp_path, ["1.0"], ["1.0"])
     (tum / "depth.txt").unlink()
-    with pytest.raises(CaptureError, match=r"expected the list of images .*depth.txt"):
-        open_capture(tum, CONFIG)
     (tum / "rgb.txt").unlink()
     (tum / "depth" / "1.0.png").unlink()
     with pytest.raises(CaptureError, match=r"expected images \(.png\) in .*depth, found none"):

@@ -19,12 +19,16 @@ _DEPTH_KEYS = ("units_per_metre", *_COLOR_KEYS, "T_color_depth")
 _FARTHEST_M = 1.0  # no depth sensor sits farther from its colour camera
 
 
-def read_camera(path: Path) -> Camera:
+def read_camera(path: Path, *, has_depth: bool = True) -> Camera:
     """The colour camera and depth sensor that a camera.toml describes.
 
-    CameraError names the file, the key, what was expected and what was found.
+    Of a capture without depth, [depth] may be missing. CameraError names the file, the key, what
+    was expected and what was found.
     """
-    return _camera(_read(path), str(path))
+    values, where = _read(path), str(path)
+    if not (has_depth or "depth" in values):
+        return Camera(_color(values, where), units_per_metre=1.0)
+    return _camera(values, where)
 
 
 def read_color(path: Path) -> Intrinsics:

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from vnav.core.arrays import Array
 from vnav.core.camera import Camera
-from vnav.core.frame import Frame
+from vnav.core.frame import Frame, no_depth
 from vnav.errors import CaptureError
 from vnav.io.files import read_bytes
 from vnav.io.formats.images import read_depth, read_image
@@ -24,7 +24,6 @@ from vnav.io.sources.rectify import Rectifier, rectified
 class FolderCapture:
     """Frames from image files: read, undistorted, registered."""
 
-    has_depth = True
     poses = None
 
     def __init__(
@@ -37,6 +36,11 @@ class FolderCapture:
         """Name of the folder."""
         return self.root.resolve().name
 
+    @property
+    def has_depth(self) -> bool:
+        """Whether there are depth images."""
+        return self.files.has_depth
+
     def __len__(self) -> int:
         return len(self.files.pairs)
 
@@ -48,17 +52,19 @@ class FolderCapture:
     def read(self, index: int) -> Frame:
         """One frame, undistorted and registered; CaptureError names a file that is damaged."""
         pair = self.files.pairs[index]
-        color, raw = read_image(pair.color.path), read_depth(pair.depth.path)
+        color = read_image(pair.color.path)
         _require_size(pair.color.path, color, self.camera.color.size, "color")
-        sensor = self.camera.depth or self.camera.color
-        _require_size(pair.depth.path, raw, sensor.size, "depth")
-        rectifier = self._rectifier
-        color, depth_m = rectifier.color(color), rectifier.depth_m(raw)
+        color = self._rectifier.color(color)
+        depth_m = no_depth(*color.shape[:2])
+        if pair.depth is not None:
+            raw, sensor = read_depth(pair.depth.path), self.camera.depth or self.camera.color
+            _require_size(pair.depth.path, raw, sensor.size, "depth")
+            depth_m = self._rectifier.depth_m(raw)
         return Frame(0, index, pair.color.stamp_s, color, depth_m, rectified(self.camera))
 
     def fingerprint(self) -> str:
         """A hash of the capture's content: camera, and each frame's times, file names and bytes."""
-        files = [image for pair in self.files.pairs for image in (pair.color, pair.depth)]
+        files = [image for pair in self.files.pairs for image in pair.images]
         with ThreadPoolExecutor() as pool:
             digests = list(pool.map(_digest, [file.path for file in files]))
         names = [os.path.relpath(file.path, self.root) for file in files]

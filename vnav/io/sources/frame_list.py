@@ -18,10 +18,15 @@ class ImageFile:
 
 @dataclass(frozen=True)
 class FramePair:
-    """The two images of a frame."""
+    """The two images of a frame; no depth in a capture of colour alone."""
 
     color: ImageFile
-    depth: ImageFile
+    depth: ImageFile | None
+
+    @property
+    def images(self) -> tuple[ImageFile, ...]:
+        """Those there are."""
+        return (self.color,) if self.depth is None else (self.color, self.depth)
 
 
 @dataclass(frozen=True)
@@ -33,14 +38,20 @@ class FrameList:
     dropped_depth: tuple[ImageFile, ...] = ()
 
     @property
+    def has_depth(self) -> bool:
+        """Whether its frames have depth: all have, or none."""
+        return self.pairs[0].depth is not None
+
+    @property
     def stamps_s(self) -> NDArray[np.float64]:
         """Times (N,) of the colour images."""
         return np.array([pair.color.stamp_s for pair in self.pairs])
 
     @property
     def offsets_s(self) -> NDArray[np.float64]:
-        """How much later (N,) each depth image was taken than its colour image."""
-        return np.array([pair.depth.stamp_s - pair.color.stamp_s for pair in self.pairs])
+        """How much later (N,) each depth image was taken than its colour image; (0,) without."""
+        depths = [(pair.color.stamp_s, pair.depth) for pair in self.pairs]
+        return np.array([depth.stamp_s - stamp_s for stamp_s, depth in depths if depth])
 
 
 def paired(
@@ -54,9 +65,17 @@ def paired(
     for color, depth in matches:
         by_stamp.setdefault(colors[color].stamp_s, FramePair(colors[color], depths[depth]))
     pairs = tuple(by_stamp[stamp] for stamp in sorted(by_stamp))
-    used = {image.path for pair in pairs for image in (pair.color, pair.depth)}
+    used = {image.path for pair in pairs for image in pair.images}
     return FrameList(
         pairs,
         tuple(image for image in colors if image.path not in used),
         tuple(image for image in depths if image.path not in used),
     )
+
+
+def unpaired(colors: Sequence[ImageFile]) -> FrameList:
+    """The frame list of colour images alone; of several with the same time the first is kept."""
+    by_stamp: dict[float, FramePair] = {}
+    for color in colors:
+        by_stamp.setdefault(color.stamp_s, FramePair(color, None))
+    return FrameList(tuple(by_stamp[stamp] for stamp in sorted(by_stamp)))

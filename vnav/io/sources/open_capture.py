@@ -51,7 +51,7 @@ def open_capture(
     """
     reader = _format_of(path)
     frames = reader.list_frames(path, config)
-    camera = _camera(path, config, camera_file)
+    camera = _camera(path, config, camera_file, frames.has_depth)
     return FolderCapture(path, camera, frames, reader.truth_path(path, frames))
 
 
@@ -103,8 +103,8 @@ def camera_path(path: Path, config: CaptureConfig, camera_file: Path | None = No
     )
 
 
-def _camera(path: Path, config: CaptureConfig, camera_file: Path | None) -> Camera:
-    camera = read_camera(camera_path(path, config, camera_file))
+def _camera(path: Path, config: CaptureConfig, camera_file: Path | None, has_depth: bool) -> Camera:
+    camera = read_camera(camera_path(path, config, camera_file), has_depth=has_depth)
     if 0 < config.units_per_metre < LEAST:
         raise ConfigError(
             f"expected capture.units_per_metre to be 0 or at least {LEAST:g}, found"

@@ -1,4 +1,7 @@
-"""The TUM RGB-D format: rgb.txt and depth.txt list images with their times."""
+"""The TUM RGB-D format: rgb.txt and depth.txt list images with their times.
+
+A folder without depth.txt is a capture of colour alone.
+"""
 
 from pathlib import Path
 
@@ -11,7 +14,7 @@ from vnav.core.trajectory import Trajectory
 from vnav.errors import CaptureError
 from vnav.io.files import read_text
 from vnav.io.formats.trajectories import read_tum
-from vnav.io.sources.frame_list import FrameList, ImageFile, paired
+from vnav.io.sources.frame_list import FrameList, ImageFile, paired, unpaired
 
 NAME = "TUM RGB-D"
 LAYOUT = "rgb.txt and depth.txt"
@@ -24,7 +27,10 @@ def recognises(root: Path) -> bool:
 
 def list_frames(root: Path, config: CaptureConfig) -> FrameList:
     """Colour and depth images whose times differ by less than ``association_s``, one to one."""
-    colors, depths = _read_list(root / "rgb.txt"), _read_list(root / "depth.txt")
+    colors = _read_list(root / "rgb.txt")
+    if not (root / "depth.txt").exists():
+        return unpaired(colors)
+    depths = _read_list(root / "depth.txt")
     color_s, depth_s = (
         np.array([image.stamp_s for image in images]) for images in (colors, depths)
     )
