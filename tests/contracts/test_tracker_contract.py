@@ -8,7 +8,7 @@ import pytest
 
 from tests.registration.plane_views import CAMERA, Plane, speckle, view
 from vnav.config import SETTINGS, Config, load
-from vnav.config.registries import TRACKERS, registered
+from vnav.config.registries import FILTERS, TRACKERS, registered
 from vnav.core.frame import Frame
 from vnav.core.mapping import FrameFeatures
 from vnav.errors import ConfigError
@@ -60,7 +60,7 @@ def test_the_tracker_that_the_configuration_names_is_made(
 def test_the_choice_of_the_setting_is_the_registry() -> None:
     with pytest.raises(ConfigError, match=r"tracking\.method"):
         load(settings=["tracking.method=nonsense"])
-    assert set(SETTINGS["tracking.method"].allowed.values) == set(TRACKERS)
+    assert set(SETTINGS["tracking.method"].allowed.values) == {*TRACKERS, *FILTERS}
 
 
 def test_points_are_found_where_they_are_although_predicted_elsewhere(

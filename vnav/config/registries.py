@@ -37,6 +37,9 @@ ESTIMATORS: Registry = {
     "pnp": "vnav.registration.estimators.pnp:PnpEstimator",
     "direct": "vnav.registration.estimators.direct:DirectEstimator",
 }
+FILTERS: Registry = {  # of all frames, beside trackers from frame to frame
+    "ekf": "vnav.tracking.filter_odometry:FilterOdometry",
+}
 
 
 def registered(registry: Registry, name: str) -> Any:

@@ -5,7 +5,14 @@ Ranges end where the code could do nothing with a value, or nothing a person cou
 
 from dataclasses import dataclass
 
-from vnav.config.registries import ESTIMATORS, FRONT_ENDS, MASKS, SEARCHES, TRACKERS
+from vnav.config.registries import (
+    ESTIMATORS,
+    FILTERS,
+    FRONT_ENDS,
+    MASKS,
+    SEARCHES,
+    TRACKERS,
+)
 from vnav.config.setting import Section, choice, flag, number, section, whole
 from vnav.config.shipped import preset_cameras
 
@@ -234,14 +241,47 @@ class RegistrationConfig(Section, path="registration"):
 
 
 @dataclass(frozen=True)
+class EkfConfig(Section, path="tracking.ekf"):
+    """The filter over the camera and few features."""
+
+    depth: bool = flag(
+        True, "depth gives new features their distance; else the trajectory has no scale"
+    )
+    sigma_m_s2: float = number(
+        4.0, "[0.001, 1000]", "m/s2", "standard deviation of the camera's acceleration"
+    )
+    sigma_rad_s2: float = number(
+        12.0, "[0.001, 1000]", "rad/s2", "standard deviation of its angular acceleration"
+    )
+    pixel_sigma_px: float = number(
+        1.0, "[0.01, 100]", "px", "standard deviation of the place where a feature is found"
+    )
+    max_features: int = whole(
+        60, "[10, 500]", "features", "largest number in the state; time grows with its square"
+    )
+    corner_threshold: int = whole(
+        7, "[1, 255]", "grey levels", "a feature is so much brighter or darker than its circle"
+    )
+    nearest_m: float = number(
+        1.0, "[0.01, 100]", "m", "without depth, new features are expected beyond this distance"
+    )
+    min_inliers: int = whole(
+        5, "[3, 500]", "features", "a frame in which fewer agree on one motion is lost"
+    )
+    max_lost_s: float = number(
+        0.5, "[0, 60]", "s", "after a longer time without a frame the filter begins anew"
+    )
+
+
+@dataclass(frozen=True)
 class TrackingConfig(Section, path="tracking"):
     """How a frame is held against the frames before."""
 
     method: str = choice(
         "descriptors",
-        lambda: tuple(TRACKERS),
+        lambda: (*TRACKERS, *FILTERS),
         "what finds the points of a frame in the next; descriptors: every frame is described,"
-        " else only keyframes are",
+        " else only keyframes are; ekf: a filter over all frames",
     )
     min_points: int = whole(
         60,
@@ -249,6 +289,12 @@ class TrackingConfig(Section, path="tracking"):
         "points",
         "a frame in which fewer points are found again is described",
     )
+    ekf: EkfConfig = section(EkfConfig)
+
+    @property
+    def has_scale(self) -> bool:
+        """Whether lengths are in metres, for depth is used."""
+        return self.method not in FILTERS or self.ekf.depth
 
 
 @dataclass(frozen=True)

@@ -106,7 +106,9 @@ class Odometry:
     nor these hold in every direction; they make no segments, and join no parts; ``alternatives``:
     other motions between the ends of ``edges``, which the images bear out about as well;
     ``moving_share`` (N,): how much of each frame moves, NaN where too much did for a mask; (0,)
-    where nobody looked.
+    where nobody looked; ``has_scale``: lengths are in metres, else in a unit of each segment's own;
+    ``landmarks`` (M, 3) float32: points that a filter followed, in the first frame of the longest
+    segment.
     """
 
     frames: FrameTable
@@ -120,6 +122,14 @@ class Odometry:
     degenerate_edges: tuple[Edge, ...] = ()
     alternatives: tuple[Edge, ...] = ()
     moving_share: NDArray[np.float32] = field(default_factory=lambda: np.zeros(0, np.float32))
+    has_scale: bool = True
+    landmarks: NDArray[np.float32] = field(default_factory=lambda: np.zeros((0, 3), np.float32))
+
+    @property
+    def longest_segment(self) -> NDArray[np.intp]:
+        """Rows (M,) of the frames of the segment that has most of them, the first of such."""
+        tracked = self.segment[self.segment != LOST]
+        return np.flatnonzero(self.segment == np.bincount(tracked).argmax())
 
     @property
     def keyframe_rows(self) -> NDArray[np.intp]:

@@ -10,7 +10,7 @@ from vnav.config import Config
 from vnav.core.progress import Progress, silent
 from vnav.core.report import Report
 from vnav.core.trajectory import Trajectory
-from vnav.errors import MapError
+from vnav.errors import ConfigError, MapError
 from vnav.io.sources.capture import Capture
 from vnav.io.store.map_folder import STAGES, MapFolder
 from vnav.io.store.overview import has_verdict
@@ -37,6 +37,8 @@ def build(
     progress: Progress = silent,
 ) -> BuiltMap:
     """Make the map of a capture that is fit to be mapped; see `vnav.build_map`."""
+    if given is None:
+        expect_scale(config)
     checked = require_usable(capture, force=force, progress=progress)
     folder = MapFolder.create(map_dir, fresh)
     reports = build_map(folder, capture, config, given=given, progress=progress)
@@ -73,6 +75,15 @@ def run_stages(
     """Run those of some stages after odometry that are not up to date; their reports in order."""
     modules = [import_module(f"vnav.stages.{stage}") for stage in stages]
     return [module.run(folder, config, progress=progress) for module in modules]
+
+
+def expect_scale(config: Config) -> None:
+    """ConfigError where tracking would give no lengths in metres."""
+    if not config.tracking.has_scale:
+        raise ConfigError(
+            "expected settings that give lengths in metres, found tracking.ekf.depth = false: a map"
+            " needs depth; use --config ekf, or 'vnav odometry CAPTURE --config mono' alone"
+        )
 
 
 def expect_capture(folder: MapFolder, capture: Capture) -> None:

@@ -27,7 +27,7 @@ from vnav.io.store.map_folder import STAGES, MapFolder
 from vnav.io.store.records import MappedCapture
 from vnav.io.store.replacement import replacing
 from vnav.io.store.stage_reports import clock, finished, reused, settings_of
-from vnav.pipeline.build import BuiltMap, judged, run_stages, whole
+from vnav.pipeline.build import BuiltMap, expect_scale, judged, run_stages, whole
 from vnav.pipeline.connection import (
     connection,
     require_connection,
@@ -55,6 +55,7 @@ def extend(
     the place of the map, or its loops disagree with where its keyframes were located.
     """
     started = clock()
+    expect_scale(config)
     entry = described(len(folder.captures), capture)
     _require_compatible(folder, entry, config)
     checked = require_usable(capture, force=force, progress=progress)

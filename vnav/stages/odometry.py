@@ -12,7 +12,7 @@ import numpy as np
 
 from vnav.checking.capture_report import require_depth
 from vnav.config import Config
-from vnav.config.registries import DESCRIPTORS
+from vnav.config.registries import DESCRIPTORS, FILTERS, registered
 from vnav.core.frame import Frame
 from vnav.core.mapping import LOST, FrameFeatures, FrameTable, Odometry
 from vnav.core.progress import Progress, silent
@@ -50,10 +50,11 @@ def run(
     """Track every frame of the capture, choose keyframes, name what is lost.
 
     With ``given`` poses nothing is tracked: they are taken for what they are. CaptureError where
-    the capture has no depth.
+    the capture has no depth, unless the settings do without.
     """
     started = clock()
-    require_depth(capture)
+    if given is not None or config.tracking.has_scale:
+        require_depth(capture)
     settings = settings_of(config, *SECTIONS)
     entry = described(0, capture)
     inputs = {"capture_0": entry["fingerprint"]}
@@ -80,9 +81,7 @@ def track(
     TrajectoryError where hardly any frame has a pose of those ``given``.
     """
     frames = _frame_table(capture)
-    builder: OdometryBuilder = VisualOdometry(config)
-    if given is not None:
-        builder = GivenPoses(poses_at(frames.stamp_s, given, config.capture.association_s), config)
+    builder = _builder(config, frames, given)
     keeps_all = config.odometry.kept_frames == "all"
     with ThreadPoolExecutor(os.cpu_count()) as pool:
         written = []
@@ -101,6 +100,17 @@ def track(
     for row, moving in builder.moving.items():
         save_keyframe_mask(draft, row, moving)
     return odometry
+
+
+def _builder(config: Config, frames: FrameTable, given: Trajectory | None) -> OdometryBuilder:
+    """What gives frames their poses."""
+    if given is not None:
+        poses = poses_at(frames.stamp_s, given, config.capture.association_s)
+        return GivenPoses(poses, config)
+    if config.tracking.method in FILTERS:
+        made: OdometryBuilder = registered(FILTERS, config.tracking.method)(config)
+        return made
+    return VisualOdometry(config)
 
 
 @dataclasses.dataclass(frozen=True)

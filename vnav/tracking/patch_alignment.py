@@ -46,7 +46,7 @@ def align_patches(
     J = np.empty((PATCH_PX * PATCH_PX, 3))
     patch = np.empty(PATCH_PX * PATCH_PX)
     for n in range(len(px_a)):
-        if not _sample(wide, image_a, px_a[n], np.linalg.inv(warp[n])):
+        if not sample(wide, image_a, px_a[n], np.linalg.inv(warp[n])):
             continue
         wide *= gain
         _differentiate(patch, J, wide)
@@ -64,7 +64,7 @@ def _moved(patch: Array, J: Array, H: Array, image: Array, start: Array) -> Arra
     seen = np.empty((PATCH_PX, PATCH_PX))
     px, offset = start.copy(), 0.0
     for _ in range(ITERATIONS):
-        if not _sample(seen, image, px, identity):
+        if not sample(seen, image, px, identity):
             return nowhere
         e = patch + offset - seen.reshape(-1)
         step = -np.linalg.solve(H, J.T @ e)
@@ -77,7 +77,7 @@ def _moved(patch: Array, J: Array, H: Array, image: Array, start: Array) -> Arra
 
 
 @compiled
-def _sample(window: Array, image: Array, px: Array, A: Array) -> bool:
+def sample(window: Array, image: Array, px: Array, A: Array) -> bool:
     """Fill a square window with the image around a pixel, its offsets moved by A; if all is in."""
     size = len(window)
     height, width = image.shape

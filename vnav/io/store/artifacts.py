@@ -32,8 +32,8 @@ from vnav.errors import MEND, MapError
 from vnav.io.files import write_text
 from vnav.io.formats.arrays_file import Arrays, save_arrays
 from vnav.io.formats.grid_files import read_grid, write_grid, write_walked
-from vnav.io.formats.ply import read_cloud, read_mesh
-from vnav.io.formats.trajectories import read_tum
+from vnav.io.formats.ply import read_cloud, read_mesh, write_cloud
+from vnav.io.formats.trajectories import read_tum, write_tum
 from vnav.io.store.map_folder import MapFolder, to_json
 from vnav.io.store.records import read_json
 from vnav.io.store.schemas import load_table
@@ -60,7 +60,7 @@ def map_cameras(folder: MapFolder) -> list[Intrinsics]:
 
 
 def save_odometry(draft: Path, odometry: Odometry) -> None:
-    """Write frames, edges and keyframes."""
+    """Write frames, edges and keyframes; trajectory and cloud of a filter's longest segment."""
     frames, before = odometry.frames, odometry.T_world_before
     save_arrays(
         draft / "frames.npz",
@@ -72,7 +72,10 @@ def save_odometry(draft: Path, odometry: Odometry) -> None:
         given=np.array(odometry.given),
         moving_share=odometry.moving_share,
         **({} if before is None else {"T_world_before": before}),
+        **({} if odometry.has_scale else {"has_scale": np.array(False)}),
     )
+    if len(odometry.landmarks):
+        _save_filtered(draft, odometry)
     space = odometry.keyframes[0].features.space
     write_text(draft / "descriptor_space.json", to_json(vars(space)))
     write_text(draft / "lost.json", to_json({r: t for r, t in enumerate(odometry.reasons) if t}))
@@ -82,9 +85,26 @@ def save_odometry(draft: Path, odometry: Odometry) -> None:
     save_arrays(draft / "keyframes.npz", **_keyframes_to_arrays(odometry.keyframes))
 
 
-def load_odometry(folder: MapFolder) -> Odometry:
-    """The result of the odometry stage."""
+def _save_filtered(draft: Path, odometry: Odometry) -> None:
+    """What a filter found, for people: nothing is made of it."""
+    rows, points = odometry.longest_segment, odometry.landmarks
+    trajectory = Trajectory(odometry.frames.stamp_s[rows], odometry.T_segment_camera[rows])
+    write_tum(draft / "trajectory.tum", trajectory)
+    write_cloud(draft / "landmarks.ply", PointCloud(points, np.full(points.shape, 255, np.uint8)))
+
+
+def load_odometry(folder: MapFolder, *, any_scale: bool = False) -> Odometry:
+    """The result of the odometry stage; MapError where lengths are not in metres.
+
+    Unless ``any_scale`` is allowed.
+    """
     frames = _load(folder, "odometry", "frames")
+    has_scale = bool(frames.get("has_scale", True))
+    if not (has_scale or any_scale):
+        raise MapError(
+            f"expected odometry in metres in {folder.root}, found it without scale, for it used no"
+            " depth: a map needs an RGB-D capture, and --config ekf in the place of mono"
+        )
     lost, rows = _load_json(folder, "odometry", "lost", dict[str, str]), len(frames["index"])
     return Odometry(
         FrameTable(frames["capture"], frames["index"], frames["stamp_s"]),
@@ -98,6 +118,7 @@ def load_odometry(folder: MapFolder) -> Odometry:
         edges_from_arrays(_load(folder, "odometry", "degenerate_edges", N=rows)),
         edges_from_arrays(_load(folder, "odometry", "alternatives", N=rows)),
         frames["moving_share"],
+        has_scale,
     )
 
 

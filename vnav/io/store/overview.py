@@ -75,7 +75,7 @@ def _state(folder: MapFolder, stage: str) -> str:
 
 
 def _frames(folder: MapFolder, is_optimised: bool) -> dict[str, Any]:
-    odometry = load_odometry(folder)
+    odometry = load_odometry(folder, any_scale=True)
     reasons = list(odometry.reasons)
     tracked = reasons.count("")
     values: dict[str, Any] = {

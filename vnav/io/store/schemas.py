@@ -145,6 +145,7 @@ SCHEMAS = {
             "given": Column("flag", ()),
             "moving_share": Column("real", (None,), gaps=True),
             "T_world_before": Column("real", ("N", 4, 4), gaps=True, needed=False),
+            "has_scale": Column("flag", (), needed=False),
         },
         {},
     ),
