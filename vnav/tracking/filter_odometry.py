@@ -36,6 +36,7 @@ class FilterOdometry:
         self._segments: list[list[int]] = []  # rows
         self._edges: list[Edge] = []
         self._reasons: dict[int, str] = {}
+        self.followed: dict[int, Followed] = {}  # what frames told but the first, by row
         self._keyframes: list[FrameFeatures] = []
         self._in_keyframe: frozenset[int] = frozenset()
         self._last_s = self._tracked_s = 0.0
@@ -99,6 +100,7 @@ class FilterOdometry:
         information = np.asarray(np.linalg.inv(covariance))
         self._edges.append(Edge(rows[-1], row, state.T_before_camera, information))
         self._poses[row] = state.T_world_camera
+        self.followed[row] = found
         rows.append(row)
         return found
 
@@ -118,7 +120,7 @@ class FilterOdometry:
         self._reasons.pop(row, None)
         self._segments.append([row])
         self._poses[row] = np.eye(4)
-        return Followed(0, (), (), 0)
+        return Followed(0, 0, (), (), 0)
 
     def _end(self) -> None:
         """Keep the landmarks of the segment, and let go what only it may see."""

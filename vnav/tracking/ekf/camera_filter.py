@@ -29,6 +29,7 @@ VELOCITY_SIGMA_M_S, SPIN_SIGMA_RAD_S = 1.0, 1.0  # of a camera that nothing is k
 UNKNOWN_FRAMES = 2  # at the beginning, whose motion no state predicts
 FEW = 0.3  # share of the matches: where fewer agree, the motion was not predicted either
 FEW_OF_FOLLOWED = 0.25  # share of the followed features whose templates are found
+SHAKEN = 2.0  # times the deviation of a pixel, where a camera shakes: rows are seen one by one
 WITHOUT_PREDICTION = 3  # matches that tell a motion
 BORDER_PX = 6  # templates nearer to the image's edge are not whole
 KNOWN = 0.2  # largest relative deviation of the inverse depth of a landmark
@@ -57,6 +58,7 @@ class Agreed:
     matches: int
     size: int
     draws: int
+    sigma_px: float
     by_template: bool = True
 
     @property
@@ -67,9 +69,13 @@ class Agreed:
 
 @dataclass(frozen=True)
 class Followed:
-    """How many features an image was to show, numbers of those matched, motions drawn."""
+    """How many features an image was to show and how many were found; numbers of those matched.
+
+    ``low`` and ``high``: of low and of high innovation; ``draws``: motions that were tried.
+    """
 
     predicted: int
+    matches: int
     low: tuple[int, ...]
     high: tuple[int, ...]
     draws: int
@@ -103,7 +109,7 @@ class CameraFilter:
         self._is_lost = agreed.support < self._ekf.min_inliers
         if self._is_lost:
             return Rejected("too few features found again", agreed.matches, len(low))
-        self.state = updated(self.state, seen[low], agreed.px[low], self._ekf.pixel_sigma_px)
+        self.state = updated(self.state, seen[low], agreed.px[low], agreed.sigma_px)
         rest = np.setdiff1d(np.arange(len(seen.features)), low)
         high = rest[self._rescue(image, seen.features[rest])]
         self._note(seen.features, np.append(low, high) if agreed.by_template else high)
@@ -112,7 +118,7 @@ class CameraFilter:
         self._add_features(image)
         self._follow_from(image)
         matched = [tuple(numbers[k] for k in rows) for rows in (low, high)]
-        return Followed(len(numbers), matched[0], matched[1], agreed.draws)
+        return Followed(len(numbers), agreed.matches, matched[0], matched[1], agreed.draws)
 
     @property
     def can_follow(self) -> bool:
@@ -170,11 +176,12 @@ class CameraFilter:
         px = pixels(self.state.x, np.arange(len(self._features)), self._camera)
         klt = KltTracker(self._last_color, self._keypoints, self._config)
         followed_px = klt.find(image.color, px)[seen.features].astype(float)
-        other = self._consensus(seen, followed_px, WITHOUT_PREDICTION)
+        shaken_px = SHAKEN * self._ekf.pixel_sigma_px
+        other = self._consensus(seen, followed_px, WITHOUT_PREDICTION, shaken_px)
         draws = best.draws + other.draws
         if other.support >= max(best.support, min_inliers):
-            sigma_px, rows = self._ekf.pixel_sigma_px, other.rows
-            near = updated(self.state, seen[rows], followed_px[rows], sigma_px)
+            rows = other.rows
+            near = updated(self.state, seen[rows], followed_px[rows], shaken_px)
             found_px = self._search(image, near, seen.features)
             again = self._consensus(seen, found_px, WITHOUT_PREDICTION)
             are_found = again.support >= max(FEW_OF_FOLLOWED * other.support, min_inliers)
@@ -182,13 +189,15 @@ class CameraFilter:
             draws += again.draws
         return replace(best, draws=draws)
 
-    def _consensus(self, seen: Measurement, found_px: Array, size: int) -> Agreed:
+    def _consensus(
+        self, seen: Measurement, found_px: Array, size: int, sigma_px: float = 0.0
+    ) -> Agreed:
         found = np.flatnonzero(np.isfinite(found_px[:, 0]))
-        sigma_px, rng = self._ekf.pixel_sigma_px, self._rng
+        sigma_px, rng = sigma_px or self._ekf.pixel_sigma_px, self._rng
         low = low_innovation_inliers(
             self.state, seen[found], found_px[found], self._camera, sigma_px, rng, size
         )
-        return Agreed(found_px, found[low.rows], len(found), size, low.draws)
+        return Agreed(found_px, found[low.rows], len(found), size, low.draws, sigma_px)
 
     def _follow_from(self, image: FilterImage) -> None:
         """Be ready to follow the features from this image on."""
