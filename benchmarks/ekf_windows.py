@@ -5,8 +5,8 @@
 Each CAPTURE has its truth. With depth, windows of 100 frames begin at 0, 100, ... 400, as those of
 [000 section 4] are 100 frames: frames with a pose, and distances after SE(3) alignment, also as a
 share of the way. Without depth, two windows of 300 frames: ATE after Sim(3) alignment. Draws of
-one-point RANSAC are those that were made; of five matches, those that the share of matches that
-agreed in the end would ask for. Exit code 1 where something wanted is missed.
+one-point RANSAC are those that were made; of five matches, those that the share of features that
+were matched in the end would ask for. Exit code 1 where something wanted is missed.
 """
 
 import argparse
@@ -91,8 +91,8 @@ def way_m(stamps_s: np.ndarray, truth: Trajectory) -> float:
 
 def draws_of(window: Window) -> tuple[float, float]:
     """Median number a frame: those made, and those that five matches would ask for."""
-    shares = [len(one.low) / one.matches for one in window.followed if one.matches]
-    five = [math.ceil(draws_needed(share, 5)) for share in shares if share]
+    shares = [(len(one.low) + len(one.high)) / one.predicted for one in window.followed]
+    five = [math.ceil(draws_needed(share, 5)) for share in shares]
     return float(np.median([one.draws for one in window.followed])), float(np.median(five))
 
 

@@ -14,7 +14,7 @@ def ekf_windows(script: Callable[[str], ModuleType]) -> ModuleType:
 
 
 def test_draws_of_five_are_those_that_the_share_would_ask_for(ekf_windows: ModuleType) -> None:
-    half = Followed(60, 40, tuple(range(20)), (), 7)
+    half = Followed(60, 40, tuple(range(20)), tuple(range(20, 30)), 7)
     window = ekf_windows.Window(None, [half, half], 0.0)
     assert ekf_windows.draws_of(window) == (7, 146)
 
