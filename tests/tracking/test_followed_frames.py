@@ -84,6 +84,21 @@ def test_where_too_few_points_are_found_it_is_the_odometry_of_described_frames(
     assert [(e.i, e.j) for e in result.edges] == [(e.i, e.j) for e in plain.edges]
 
 
+def test_a_frame_that_shares_no_view_but_with_its_predecessor_is_tracked(
+    described: list[int],
+) -> None:
+    settings = ["odometry.keyframe_translation_m=10", "tracking.min_points=10"]
+    far = load(settings=["tracking.method=klt", "features.max_features=500", *settings])
+    # A view is 1.83 m wide: the last shares nothing with the first, and 40 % with the one before.
+    places = [*np.arange(0, 0.95, 0.1), 2.0]
+    frames = [view(SCENE, x, seed=k, index=k) for k, x in enumerate(places)]
+    result = tracked(frames, far)
+    assert not result.segment.any()
+    assert described == [0, 10, 9]
+    off = result.T_segment_camera[:, :3, 3] - np.outer(places, [1, 0, 0])
+    assert np.linalg.norm(off, axis=1).max() < 0.05  # not another period, nor a step left out
+
+
 def test_after_a_dark_frame_the_next_is_described(walk: list[Frame], described: list[int]) -> None:
     dark = replace(walk[3], color=np.zeros_like(walk[3].color), depth_m=walk[3].depth_m * 0)
     result = tracked([*walk[:3], dark, *walk[4:8]])

@@ -158,8 +158,8 @@ def _seen(points: FrameFeatures, T_a_b: Array, b: Frame) -> Array:
     """Pixels (N, 2) of a's points in b, NaN beyond its image."""
     px = b.intrinsics.project(se3.transform(se3.inverse(T_a_b), points.points_camera))
     limit_px = np.array(b.intrinsics.size) - 1 - BORDER_PX
-    inside = ((px >= BORDER_PX) & (px <= limit_px)).all(1)
-    return np.where(inside[:, None], px, np.nan)
+    inside = np.asarray((px >= BORDER_PX) & (px <= limit_px)).all(1, keepdims=True)
+    return np.where(inside, px, np.nan)
 
 
 def _visible(px: Array, points: FrameFeatures, T_a_b: Array, b: Frame, config: Config) -> Array:

@@ -38,13 +38,15 @@ class FollowedFrames:
         self._config, self._features, self._motion = config, features, motion
         self._describer = FrameDescriber(config)
         self._source: Source | None = None
+        self._predecessor: tuple[TrackedFrame, Frame] | None = None  # if it was followed
 
     def track(
         self, row: int, frame: Frame, image: ReducedFrame
     ) -> tuple[TrackedFrame, ChosenMotions]:
         """The next frame with its features, and its motions from earlier ones.
 
-        Followed, unless too few points are left or these do not tell the motion.
+        Followed, unless too few points are left or these do not tell the motion. If then the frame
+        that was followed from shows too little as well, the predecessor is described, too.
         """
         points = self._followed(row, frame)
         if points is not None:
@@ -53,6 +55,12 @@ class FollowedFrames:
             if not are_degenerate(choice.estimates):
                 return current, choice
         current = TrackedFrame(self._describer.describe(row, frame), image, frame.intrinsics)
+        enough = current.features.has_depth.sum() >= self._config.registration.min_inliers
+        if self._predecessor is not None and enough:
+            choice = self._features.track_nearest(current)
+            if not are_degenerate(choice.estimates):
+                return current, choice
+            self._features.remember(self.described(*self._predecessor), is_keyframe=False)
         return current, self._features.track(current)
 
     def described(self, followed: TrackedFrame, frame: Frame) -> TrackedFrame:
@@ -62,6 +70,7 @@ class FollowedFrames:
 
     def remember(self, current: TrackedFrame, frame: Frame) -> None:
         """Follow the points of a frame from now on, if its features are its own."""
+        self._predecessor = (current, frame) if current.is_followed else None
         if not current.is_followed:
             points = strongest_in_cells(current.features)
             found_by = tracker(frame.color, points.features, self._config)
