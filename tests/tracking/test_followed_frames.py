@@ -84,10 +84,21 @@ def test_where_too_few_points_are_found_it_is_the_odometry_of_described_frames(
     assert [(e.i, e.j) for e in result.edges] == [(e.i, e.j) for e in plain.edges]
 
 
+def test_a_frame_that_shows_less_than_half_of_the_points_becomes_a_keyframe() -> None:
+    settings = ["odometry.keyframe_translation_m=10", "tracking.min_points=10"]
+    far = load(settings=["tracking.method=klt", "features.max_features=500", *settings])
+    frames = [view(SCENE, k * 0.1, seed=k, index=k) for k in range(12)]
+    first, second = tracked(frames, far).keyframe_rows[:2].tolist()
+    # Of a view 1.83 m wide half is seen after 0.91 m; some points are lost before.
+    assert first == 0
+    assert 5 <= second <= 10
+
+
 def test_a_frame_that_shares_no_view_but_with_its_predecessor_is_tracked(
     described: list[int],
 ) -> None:
     settings = ["odometry.keyframe_translation_m=10", "tracking.min_points=10"]
+    settings.append("odometry.keyframe_min_inlier_share=0")
     far = load(settings=["tracking.method=klt", "features.max_features=500", *settings])
     # A view is 1.83 m wide: the last shares nothing with the first, and 40 % with the one before.
     places = [*np.arange(0, 0.95, 0.1), 2.0]

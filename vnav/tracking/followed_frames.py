@@ -37,6 +37,7 @@ class FollowedFrames:
     def __init__(self, config: Config, features: FeatureTracker, motion: ConstantVelocity) -> None:
         self._config, self._features, self._motion = config, features, motion
         self._describer = FrameDescriber(config)
+        self.share = 1.0  # of the source's points that the last frame was found to show
         self._source: Source | None = None
         self._predecessor: tuple[TrackedFrame, Frame] | None = None  # if it was followed
 
@@ -82,10 +83,12 @@ class FollowedFrames:
         if source is not None:
             motion = self._motion.predicted(source.points.row)
         if source is None or motion is None:
+            self.share = 1.0
             return None
         in_camera = se3.transform(se3.inverse(motion), source.points.points_camera)
         px = source.tracker.find(frame.color, frame.intrinsics.project(in_camera))
         found = np.isfinite(px[:, 0])
+        self.share = float(found.mean()) if len(found) else 0.0
         if found.sum() < self._config.tracking.min_points:
             return None
         features = replace(source.points.features[found], keypoints_px=px[found])

@@ -168,6 +168,8 @@ class VisualOdometry:
         to_keyframe = estimates[last.features.row]
         to_previous = estimates.get(previous.features.row, to_keyframe)
         shared = len(to_keyframe.inliers) / len(to_previous.inliers)
+        if self._followed is not None:
+            shared = min(shared, self._followed.share)
         return is_new_view(to_keyframe.T_a_b, shared, self._config.odometry)
 
     def _reasons_of(self, segment: NDArray[np.int32]) -> tuple[str, ...]:
