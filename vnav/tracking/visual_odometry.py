@@ -61,13 +61,10 @@ class VisualOdometry:
         degenerate = self._record(features.row, choice, dense)
         self._edges[features.row] += self._map.track(features.row, frame, choice.probability)
         self._dense.remember(features.row, frame, degenerate)
-        is_keyframe = has_features and not (degenerate or current.is_followed)
-        is_keyframe = is_keyframe and self._is_keyframe(choice.estimates)
+        is_own = has_features and not (degenerate or current.is_followed)
+        is_keyframe = is_own and self._is_keyframe(choice.estimates)
         if has_features:
-            moving = replace(current, image=current.image.moving(self._motion.twist))
-            self._features.remember(moving, is_keyframe)
-            if self._followed is not None:
-                self._followed.remember(moving, frame)
+            self._remember(current, frame, is_keyframe)
         if is_keyframe:
             self._map.add(features, frame, choice.estimates)
         self._masked.remember(features.row, is_keyframe)
@@ -123,6 +120,13 @@ class VisualOdometry:
         described = self._masked.redescribed(self._followed.described(current, frame))
         near = self._features.track_near(described, choice)
         return (described, near) if near.estimates else (current, choice)
+
+    def _remember(self, current: TrackedFrame, frame: Frame, is_keyframe: bool) -> None:
+        """Hold later frames against this one, and follow its points."""
+        moving = replace(current, image=current.image.moving(self._motion.twist))
+        self._features.remember(moving, is_keyframe)
+        if self._followed is not None:
+            self._followed.remember(moving, frame)
 
     def _align_where_degenerate(self, frame: Frame, estimates: Motions) -> dict[int, DenseEstimate]:
         """The motion from the last frame by all pixels, where features leave either degenerate."""
