@@ -20,7 +20,7 @@ from vnav.errors import (
 
 if TYPE_CHECKING:
     from vnav.api.building import build_map, extend_map, open_capture
-    from vnav.api.judging import check, evaluate, score
+    from vnav.api.judging import check, compare_trackers, evaluate, score
     from vnav.api.map import Map, open_map
     from vnav.config import Config
     from vnav.config import load as load_config
@@ -53,6 +53,7 @@ __all__ = [
     "VnavError",
     "build_map",
     "check",
+    "compare_trackers",
     "evaluate",
     "extend_map",
     "frames",
@@ -74,6 +75,7 @@ _PLACES = {
     "UnreadablePhoto": "vnav.localisation.verdict.answer:UnreadablePhoto",
     "build_map": "vnav.api.building:build_map",
     "check": "vnav.api.judging:check",
+    "compare_trackers": "vnav.api.judging:compare_trackers",
     "evaluate": "vnav.api.judging:evaluate",
     "extend_map": "vnav.api.building:extend_map",
     "frames": "vnav.io.sources.memory:frames",
