@@ -12,9 +12,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+import vnav
 from vnav.config import Config
-from vnav.reporting import overlay
-from vnav.stages.locate import Locator
 from vnav.synthetic import demo
 
 OUT = Path(__file__).parent / "pictures"
@@ -38,7 +37,7 @@ def main() -> None:
 def drawn(out: Path) -> dict[str, Path]:
     """The pictures that the demo has drawn, and the overlay of the photo that is its goal."""
     found = demo.run(out, Config())
-    overlay.draw(found.ends[1], Locator(found.folder, Config()).database, out / "goal.png")
+    vnav.open_map(out / "map").draw_photo(found.ends[1], out / "goal.png")
     of_map = {name: out / "map/reports" / f"{name}.png" for name in ("trajectory", "cloud", "grid")}
     return of_map | {"path": out / "path.png", "overlay": out / "goal.png"}
 
