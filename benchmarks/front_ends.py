@@ -68,7 +68,8 @@ class Made:
 def made(capture: Path, way: str, seed: int, out: Path) -> Made:
     """The map of a capture, made where it is not there."""
     folder = out / f"{capture.name}_{way}_{seed}"
-    subprocess.run(asked_for("build-map", capture, way, seed, folder), check=True)
+    building = asked_for("build-map", capture, way, seed, folder)
+    subprocess.run(building, check=True, stdout=subprocess.DEVNULL)
     return Made(capture, way, seed, folder)
 
 
