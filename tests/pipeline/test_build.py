@@ -4,13 +4,13 @@ from pathlib import Path
 
 import pytest
 
-from vnav.config import CaptureConfig, Config, FeaturesConfig
-from vnav.errors import MapError
+from vnav.config import CaptureConfig, Config, FeaturesConfig, VocabularyConfig
+from vnav.errors import ConfigError, MapError
 from vnav.io.sources.capture import Capture
 from vnav.io.sources.open_capture import open_capture
 from vnav.io.store.map_folder import STAGES, MapFolder
 from vnav.io.store.overview import overview
-from vnav.pipeline.build import build_map, expect_capture
+from vnav.pipeline.build import build, build_map, expect_capture
 
 CONFIG = Config(features=FeaturesConfig(max_features=700))  # that of the map that is copied
 
@@ -73,3 +73,14 @@ def test_a_map_of_another_capture_is_refused(folder: MapFolder, capture: Capture
     folder.set_captures([folder.captures[0] | {"name": "office"}])
     with pytest.raises(MapError, match="expected office.*found miniature.*--fresh"):
         build_map(folder, capture, CONFIG)
+
+
+def test_flat_words_of_bits_are_refused_before_work_begins(
+    capture: Capture, tmp_path: Path
+) -> None:
+    config = Config(
+        features=FeaturesConfig(front_end="orb"), vocabulary=VocabularyConfig(method="approximate")
+    )
+    with pytest.raises(ConfigError, match="hierarchical where descriptors are bits"):
+        build(capture, tmp_path / "map", config)
+    assert not (tmp_path / "map").exists()

@@ -39,6 +39,7 @@ def build(
     """Make the map of a capture that is fit to be mapped; see `vnav.build_map`."""
     if given is None:
         expect_scale(config)
+    expect_vocabulary(config)
     checked = require_usable(capture, force=force, progress=progress)
     folder = MapFolder.create(map_dir, fresh)
     reports = build_map(folder, capture, config, given=given, progress=progress)
@@ -84,6 +85,15 @@ def expect_scale(config: Config) -> None:
             "expected settings that give lengths in metres, found tracking.ekf.depth = false: a map"
             " needs depth; use --config ekf, or 'vnav odometry CAPTURE --config mono' alone"
         )
+
+
+def expect_vocabulary(config: Config) -> None:
+    """ConfigError where the descriptors are such that the vocabulary's method cannot hold them."""
+    if config.vocabulary.method == "approximate":
+        from vnav.features import front_end
+        from vnav.vocabulary.approximate import expect_numbers
+
+        expect_numbers(front_end(config.features).space)
 
 
 def expect_capture(folder: MapFolder, capture: Capture) -> None:

@@ -39,11 +39,7 @@ def grow_flat(
     Levels grow by one factor from the root to the words, so that there are ``config.max_levels`` of
     them unless words are few. ConfigError for bits, which kd-trees cannot hold.
     """
-    if space.packed:
-        raise ConfigError(
-            "expected vocabulary.method=hierarchical where descriptors are bits, which kd-trees"
-            f" cannot hold, found approximate with features.front_end={space.front_end}"
-        )
+    expect_numbers(space)
     levels, parents = list[NDArray[Any]](), list[Label]()  # the words first
     for count in _sizes(len(descriptors), config):
         descriptors, label = approximate_kmeans(descriptors, count, space, rng)
@@ -51,6 +47,15 @@ def grow_flat(
         parents.append(label)
     of_root = [np.zeros(len(level), np.intp) for level in levels[-1:]]
     return _tree(levels[::-1], [*of_root, *parents[:0:-1]], space)
+
+
+def expect_numbers(space: DescriptorSpace) -> None:
+    """ConfigError where descriptors are bits."""
+    if space.packed:
+        raise ConfigError(
+            "expected vocabulary.method=hierarchical where descriptors are bits, which kd-trees"
+            f" cannot hold, found approximate with features.front_end={space.front_end}"
+        )
 
 
 def approximate_kmeans(
