@@ -31,9 +31,13 @@ def points_of(
     keypoints_px: NDArray[np.float32], frame: Frame, config: Config
 ) -> NDArray[np.float32]:
     """3D points (N, 3) of keypoints (N, 2) as `lift` gives them; NaN beyond ``max_depth_m``."""
-    farthest = config.odometry.max_depth_m
-    near = np.where(frame.depth_m <= farthest, frame.depth_m, np.float32(0))
+    near = near_depth(frame.depth_m, config)
     return lift(keypoints_px, near, frame.intrinsics, config.registration)
+
+
+def near_depth(depth_m: NDArray[np.float32], config: Config) -> NDArray[np.float32]:
+    """Depth (H, W) without what is farther than ``max_depth_m``: 0 there."""
+    return np.where(depth_m <= config.odometry.max_depth_m, depth_m, np.float32(0))
 
 
 def undescribed(

@@ -2,9 +2,7 @@
 
 from collections.abc import Mapping
 
-import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from vnav.config import Config
 from vnav.core import se3
@@ -19,6 +17,7 @@ from vnav.tracking.ekf.camera_filter import CameraFilter, FilterImage, Followed
 from vnav.tracking.frame_masks import FrameMasks
 from vnav.tracking.keyframes import is_new_view
 from vnav.tracking.pose_choice import TrackedFrame
+from vnav.tracking.trackers.grey import grey_of
 
 SIGMA_LEAST = 1e-5  # rad, m: that a motion between two frames has at least
 
@@ -164,5 +163,4 @@ class FilterOdometry:
 
 
 def _filter_image(frame: Frame, image: ReducedFrame) -> FilterImage:
-    gray: NDArray[np.uint8] = np.asarray(cv2.cvtColor(frame.color, cv2.COLOR_RGB2GRAY), np.uint8)
-    return FilterImage(frame.color, gray, image.grey, frame.depth_m)
+    return FilterImage(frame.color, grey_of(frame.color), image.grey, frame.depth_m)

@@ -14,7 +14,7 @@ MIN_Z = 0.05  # of a ray that is nearly 1 long: what lies more to the side is no
 
 
 def pixels(x: Array, features: Rows, camera: Intrinsics) -> Array:
-    """h: the pixels (N, 2) of some features at a state (13 + 6 M,), NaN behind the camera."""
+    """h: the pixels (N, 2) of some features at a state (20 + 6 M,), NaN behind the camera."""
     p, _ = _rays(x, features)
     return _projected(p, camera)
 
@@ -59,13 +59,13 @@ class Measurement:
 
 
 def measure(state: FilterState, features: Rows, camera: Intrinsics) -> Measurement:
-    """H and H of some features (N,) at a state."""
+    """Pixels h and Jacobian H of some features (N,) at a state."""
     x = state.x
     p, v = _rays(x, features)
     y = state.features[features]
     R_camera_world = se3.rotation_from_quat(x[ROTATION]).T
-    by_point = _derivative_of_projected(p, camera) @ R_camera_world  # (N, 2, 3)
     by_ray = _derivative_of_projected(p, camera)
+    by_point = by_ray @ R_camera_world  # (N, 2, 3)
     by_anchor = by_point * y[:, 5, None, None]
     by_quaternion = by_ray @ derivative_of_turned_back(x[ROTATION], v)
     by_angles = by_point @ _derivative_of_directions(y[:, 3], y[:, 4])

@@ -11,9 +11,7 @@ def updated(
     state: FilterState, measurement: Measurement, found_px: Array, sigma_px: float
 ) -> FilterState:
     """The state after pixels (N, 2) were found where h was expected, all at once."""
-    HP = measurement.times(state.P)
-    S = measurement.times(HP.T) + sigma_px**2 * np.eye(len(HP))
-    return joseph(state, HP, S, (found_px - measurement.pixels).reshape(-1))
+    return joseph(state, *_innovations(state, measurement, found_px, sigma_px))
 
 
 def joseph(state: FilterState, HP: Array, S: Array, innovation: Array) -> FilterState:
@@ -31,10 +29,17 @@ def moved_by(
     state: FilterState, measurement: Measurement, found_px: Array, sigma_px: float
 ) -> Array:
     """The mean only, updated by few pixels (N, 2): ``x + K_i (z_i - h_i)``."""
+    HP, S, innovation = _innovations(state, measurement, found_px, sigma_px)
+    return np.asarray(state.x + HP.T @ np.linalg.solve(S, innovation))
+
+
+def _innovations(
+    state: FilterState, measurement: Measurement, found_px: Array, sigma_px: float
+) -> tuple[Array, Array, Array]:
+    """H P (2 N, M), S (2 N, 2 N) and z - h (2 N,) of pixels (N, 2), all at once."""
     HP = measurement.times(state.P)
     S = measurement.times(HP.T) + sigma_px**2 * np.eye(len(HP))
-    innovation = (found_px - measurement.pixels).reshape(-1)
-    return np.asarray(state.x + HP.T @ np.linalg.solve(S, innovation))
+    return HP, S, (found_px - measurement.pixels).reshape(-1)
 
 
 def innovation_covariances(P: Array, measurement: Measurement, sigma_px: float) -> Array:
