@@ -12,6 +12,8 @@ from vnav.core.frame import Frame
 from vnav.core.mapping import FrameFeatures, FrameTable, Odometry
 from vnav.core.reduced_frame import reduced
 from vnav.features.description import FrameDescriber, undescribed
+from vnav.tracking.feature_tracking import FeatureTracker
+from vnav.tracking.pose_choice import ChosenMotions, TrackedFrame
 from vnav.tracking.visual_odometry import VisualOdometry
 
 CONFIG = load(settings=["tracking.method=klt", "features.max_features=500"])
@@ -108,6 +110,23 @@ def test_a_frame_that_shares_no_view_but_with_its_predecessor_is_tracked(
     assert described == [0, 10, 9]
     off = result.T_segment_camera[:, :3, 3] - np.outer(places, [1, 0, 0])
     assert np.linalg.norm(off, axis=1).max() < 0.05  # not another period, nor a step left out
+
+
+def test_a_frame_whose_motion_its_points_leave_in_doubt_is_described(
+    walk: list[Frame], described: list[int], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    track_nearest = FeatureTracker.track_nearest
+
+    def doubting(self: FeatureTracker, current: TrackedFrame) -> ChosenMotions:
+        choice = track_nearest(self, current)
+        if current.features.row != 3 or not current.is_followed:
+            return choice
+        return ChosenMotions({i: replace(e, probability=0.4) for i, e in choice.estimates.items()})
+
+    monkeypatch.setattr(FeatureTracker, "track_nearest", doubting)
+    result = tracked(walk[:6])
+    assert described == [0, 3]
+    assert min(edge.probability for edge in result.edges if edge.j == 3) > 0.5
 
 
 def test_after_a_dark_frame_the_next_is_described(walk: list[Frame], described: list[int]) -> None:

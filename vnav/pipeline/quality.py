@@ -32,13 +32,13 @@ from vnav.io.store.artifacts import (
 from vnav.io.store.map_folder import MapFolder
 from vnav.loop_closing.loop_candidates import are_apart, view_overlap
 from vnav.optimisation.camera_motion import velocities
+from vnav.tracking.pose_choice import UNSURE
 
 MOST_PAIRS = 150  # of keyframes, and of rejected loops, that are looked at
 MIN_OVERLAP = 0.3  # share of the view that both see
 NEIGHBOURS = 1, 2  # keyframes onward that tell what is usual
 DISAGREEING, LEAST_DISAGREEING = 0.2, 2  # share of revisits, and number, that speak against a map
 LEAST_CONTRADICTING = 5  # rejected loops that do; chance makes 1.5 of 150
-UNSURE = 0.5  # probability, below which a motion is in doubt
 LEAST_UNSURE = 2  # frames in doubt that do
 
 Item = TypeVar("Item")

@@ -17,7 +17,7 @@ from vnav.core.reduced_frame import ReducedFrame
 from vnav.features.description import FrameDescriber, points_of
 from vnav.tracking.feature_tracking import FeatureTracker, are_degenerate
 from vnav.tracking.motion import ConstantVelocity
-from vnav.tracking.pose_choice import ChosenMotions, TrackedFrame
+from vnav.tracking.pose_choice import UNSURE, ChosenMotions, TrackedFrame
 from vnav.tracking.trackers import Tracker, tracker
 
 CELL_PX = 20  # edge of the square of pixels of which the strongest point is followed
@@ -46,14 +46,14 @@ class FollowedFrames:
     ) -> tuple[TrackedFrame, ChosenMotions]:
         """The next frame with its features, and its motions from earlier ones.
 
-        Followed, unless too few points are left or these do not tell the motion. If then the frame
-        that was followed from shows too little as well, the predecessor is described, too.
+        Followed, unless too few points are left or these leave the motion in doubt. If then the
+        frame that was followed from shows too little as well, the predecessor is described, too.
         """
         points = self._followed(row, frame)
         if points is not None:
             current = TrackedFrame(points, image, frame.intrinsics, is_followed=True)
             choice = self._features.track_nearest(current)
-            if not are_degenerate(choice.estimates):
+            if not are_degenerate(choice.estimates) and choice.probability >= UNSURE:
                 return current, choice
         current = TrackedFrame(self._describer.describe(row, frame), image, frame.intrinsics)
         enough = current.features.has_depth.sum() >= self._config.registration.min_inliers

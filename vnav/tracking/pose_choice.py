@@ -24,6 +24,7 @@ from vnav.registration.judge import are_same, judge
 from vnav.registration.pixel_evidence import DEPTH_DELAY_SIGMA_S
 
 CLEAR = 0.95  # probability of a pose that needs no second look
+UNSURE = 0.5  # probability, below which a pose is in doubt
 DELAY_S = sqrt(2) * DEPTH_DELAY_SIGMA_S  # between two frames, each late by as much
 MAX_POSES = 8  # that are judged
 MIN_ALTERNATIVE = 0.05  # probability of a pose that is kept beside the best
