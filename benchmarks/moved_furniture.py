@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 from recording import ROOT, Measurement, add_record_option, conclude
 from scipy.spatial import cKDTree
 
+import vnav
 from vnav.config import CaptureConfig, Config
 from vnav.core import se3
 from vnav.core.voxels import Voxels
@@ -31,7 +32,6 @@ from vnav.io.sources.open_capture import open_capture
 from vnav.io.store.artifacts import load_keyframe_depth, load_odometry, load_optimised, map_cameras
 from vnav.io.store.index_file import load_index
 from vnav.io.store.map_folder import MapFolder
-from vnav.pipeline.build import build
 from vnav.pipeline.extend import extend, made_with
 from vnav.stages.locate import Locator
 from vnav.synthetic import MINIATURE, SCENES, Box, Scene, write_capture
@@ -119,7 +119,7 @@ def measure(out: Path, seed: int) -> list[Measurement]:
             write_capture(capture, dataclasses.replace(spec, photos=PHOTOS))
     first, both = MapFolder(out / "first"), MapFolder(out / "both")
     if not both.root.is_dir():
-        build(open_capture(captures[0], CaptureConfig()), first.root, Config())
+        vnav.build_map(captures[0], first.root)
         shutil.copytree(first.root, both.root)
         extend(both, open_capture(captures[1], CaptureConfig()), Config())
     rooms = [SCENES[capture.name](seed) for capture in captures]

@@ -47,7 +47,7 @@ trajectory_option = click.option(
     "maps_dir",
     metavar="DIR",
     type=click.Path(path_type=Path),
-    help="Folder for the maps of several captures; each is called as its capture.",
+    help="Make a map of each capture, in this folder, called as the capture.",
 )
 @config_options
 @camera_option
@@ -68,43 +68,76 @@ def build_map(
     jobs: int | None,
     scheduler: str,
 ) -> int:
-    """Make a map of the RGB-D frames in the folder CAPTURE; of several, one map each.
+    """Make a map of the RGB-D frames in the folder CAPTURE.
+
+    Several captures of one place make one map: each is tracked alone, and loops join them. One that
+    nothing joins is named. With --maps each capture gets a map of its own.
 
     Stages that are up to date are kept, so that an interrupted run goes on where it stopped.
 
-    Exit code 1: a capture could not be mapped; the others are mapped all the same.
+    Exit code 1: a capture could not be mapped; with --maps the others are mapped all the same.
 
     \b
     vnav build-map my_capture --map my-map
+    vnav build-map ground-floor stairs first-floor --map building
     vnav build-map monday tuesday --maps maps --jobs 2
     """
     from vnav import config
-    from vnav.api.building import BuildTask, build_maps
+    from vnav.api.building import BuildTask
 
     require_one_way(jobs, scheduler)
     if len(captures) > 1 and trajectory_file is not None:
         raise click.UsageError("expected one CAPTURE with --trajectory, found several")
+    paths = [capture.absolute() for capture in captures]
     resolved, camera = config.load(config_source, settings), camera_file and camera_file.absolute()
     given = trajectory_file and trajectory_file.absolute()
+    where, names = (map_dir, [""] * len(paths)) if maps_dir is None else (maps_dir, _names(paths))
     tasks = [
-        BuildTask(capture.absolute(), place, resolved, camera, given, fresh, force)
-        for capture, place in zip(captures, _places(captures, map_dir, maps_dir), strict=True)
+        BuildTask(path, (where / name).absolute(), resolved, camera, given, fresh, force)
+        for path, name in zip(paths, names, strict=True)
     ]
+    is_one_map = len(tasks) > 1 and maps_dir is None
+    return (_built_together if is_one_map else _built_alone)(tasks, jobs or 0, scheduler)
+
+
+def _built_together(tasks: "Sequence[BuildTask]", jobs: int, scheduler: str) -> int:
+    """One map of the captures of all tasks."""
+    from vnav.api.building import build_map
+
+    first, captures, progress = tasks[0], [task.capture for task in tasks], console_progress()
+    made = build_map(
+        captures,
+        first.map_dir,
+        config=first.config,
+        camera=first.camera,
+        fresh=first.fresh,
+        force=first.force,
+        jobs=jobs,
+        scheduler=scheduler,
+        progress=progress,
+    )
+    assert made.built is not None
+    show_map(first.map_dir, made.built)
+    return 0
+
+
+def _built_alone(tasks: "Sequence[BuildTask]", jobs: int, scheduler: str) -> int:
+    """A map for each task."""
+    from vnav.api.building import build_maps
+
     progress = console_progress()
-    results = build_maps(tasks, jobs=jobs or 0, scheduler=scheduler, progress=progress)
+    results = build_maps(tasks, jobs=jobs, scheduler=scheduler, progress=progress)
     failed = [_failed(task, result, len(tasks) > 1) for task, result in results]
     return int(any(failed))
 
 
-def _places(captures: Sequence[Path], map_dir: Path, maps_dir: Path | None) -> list[Path]:
-    """Where the map of each capture goes; UsageError where two would go to the same."""
-    if len(captures) > 1 and maps_dir is None:
-        raise click.UsageError("expected --maps DIR, where each of several captures gets its map")
+def _names(captures: Sequence[Path]) -> list[str]:
+    """What the map of each capture is called; UsageError where two would be called the same."""
     names = [capture.resolve().name for capture in captures]
     for name in names:
         if names.count(name) > 1:
             raise click.UsageError(f"expected captures of different names, found two {name}")
-    return [(maps_dir / name if maps_dir else map_dir).absolute() for name in names]
+    return names
 
 
 def _failed(task: "BuildTask", result: "BuiltMap | Failed", one_of_several: bool) -> bool:

@@ -1,5 +1,6 @@
 """build-map of one capture and of several, as a user calls it."""
 
+import re
 import shutil
 from pathlib import Path
 
@@ -58,16 +59,26 @@ def test_a_map_that_somebody_writes_is_left_to_him(tiny_capture: Path, maps: Pat
     assert "expected to be the only one who writes the map" in result.stderr
 
 
-@pytest.mark.parametrize("options", [[], ["--maps", "maps"]])
-def test_several_captures_of_one_name_or_for_one_map_are_a_usage_error(
-    options: list[str], tmp_path: Path
+def test_several_captures_are_one_map_that_tells_of_each(
+    tiny_capture: Path, other_capture: Path, tmp_path: Path
 ) -> None:
+    coarse = ("fuse.voxel_m=0.05", "fuse.octree_m=0.1", "fuse.mesh_voxel_m=0.1")
+    settings = [*SAME, *(part for s in coarse for part in ("--set", s))]
+    place = tmp_path / "building"
+    result = run(other_capture, tiny_capture, "--map", place, "--jobs", 2, *settings)
+    assert result.return_value == 0
+    assert re.search(r"other: 24 of 24 frames, \d+ loops to the others", result.stdout)
+    assert re.search(r"miniature: 60 of 60 frames, \d+ loops to the others", result.stdout)
+    assert f"map in {place}, pictures in" in result.stdout
+
+
+def test_several_maps_of_one_name_are_a_usage_error(tmp_path: Path) -> None:
     for name in ("monday", "tuesday"):
         (tmp_path / name / "capture").mkdir(parents=True)
     captures = [str(tmp_path / name / "capture") for name in ("monday", "tuesday")]
-    result = CliRunner().invoke(cli, ["build-map", *captures, *options])
+    result = CliRunner().invoke(cli, ["build-map", *captures, "--maps", "maps"])
     assert result.exit_code == 2
-    assert ("--maps DIR" if not options else "found two capture") in result.output
+    assert "found two capture" in result.output
 
 
 def test_given_poses_of_several_captures_are_a_usage_error(tmp_path: Path) -> None:

@@ -5,12 +5,14 @@ from pathlib import Path
 import pytest
 
 from vnav.config import CaptureConfig, Config, FeaturesConfig, VocabularyConfig
+from vnav.core.progress import silent
 from vnav.errors import ConfigError, MapError
 from vnav.io.sources.capture import Capture
 from vnav.io.sources.open_capture import open_capture
 from vnav.io.store.map_folder import STAGES, MapFolder
 from vnav.io.store.overview import overview
-from vnav.pipeline.build import build, build_map, expect_capture
+from vnav.pipeline.build import build, build_map, expect_captures
+from vnav.pipeline.joining import in_turn
 
 CONFIG = Config(features=FeaturesConfig(max_features=700))  # that of the map that is copied
 
@@ -69,7 +71,7 @@ def test_the_summary_tells_size_and_memory(folder: MapFolder, capture: Capture) 
 
 
 def test_a_map_of_another_capture_is_refused(folder: MapFolder, capture: Capture) -> None:
-    expect_capture(folder, capture)
+    expect_captures(folder, [capture])
     folder.set_captures([folder.captures[0] | {"name": "office"}])
     with pytest.raises(MapError, match="expected office.*found miniature.*--fresh"):
         build_map(folder, capture, CONFIG)
@@ -82,5 +84,5 @@ def test_flat_words_of_bits_are_refused_before_work_begins(
         features=FeaturesConfig(front_end="orb"), vocabulary=VocabularyConfig(method="approximate")
     )
     with pytest.raises(ConfigError, match="hierarchical where descriptors are bits"):
-        build(capture, tmp_path / "map", config)
+        build([capture], tmp_path / "map", config, in_turn(silent))
     assert not (tmp_path / "map").exists()

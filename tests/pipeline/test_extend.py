@@ -18,10 +18,11 @@ from vnav.io.sources.capture import Capture
 from vnav.io.sources.open_capture import open_capture
 from vnav.io.store.artifacts import load_odometry, load_optimised, save_odometry
 from vnav.io.store.map_folder import STAGES, MapFolder, to_json
-from vnav.pipeline import extend
+from vnav.pipeline import extend, joining
 from vnav.pipeline.connection import Connection, require_connection
 from vnav.stages import fuse, index, loops, optimise, vocabulary
 from vnav.stages.locate import Locator
+from vnav.stages.odometry import SECTIONS
 
 FRAMES, MORE = 60, 24
 
@@ -171,9 +172,13 @@ def test_broken_off_it_goes_on_to_the_same_map(
         with pytest.raises(KeyboardInterrupt):
             extend_by(folder, other, config)
     assert content(folder.root) == before
-    monkeypatch.setattr(extend, "track", interrupt)  # the new capture is not tracked again either
+    monkeypatch.setattr(joining, "track_alone", interrupt)  # it is not tracked again, either
     extend_by(folder, other, config)
     assert content(folder.root, "reports", "state") == content(extended.root, "reports", "state")
+
+
+def test_an_extended_map_records_all_that_it_was_tracked_with(extended: MapFolder) -> None:
+    assert {*SECTIONS} < {*extended.settings("odometry")}
 
 
 def test_a_capture_of_another_place_is_refused(folder: MapFolder, elsewhere: Path) -> None:

@@ -2,7 +2,9 @@
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from functools import partial
 from importlib import import_module
+from os import PathLike
 from pathlib import Path
 
 from vnav.api.arguments import (
@@ -18,11 +20,13 @@ from vnav.api.map import Map
 from vnav.config import Config
 from vnav.core.progress import Progress, silent
 from vnav.core.report import Failed, Report
+from vnav.core.trajectory import Trajectory
+from vnav.errors import CaptureError
 from vnav.io.sources.capture import Capture
 from vnav.io.store.map_folder import MapFolder
 from vnav.io.store.map_lock import only_writer
 from vnav.io.store.replacement import draft_of
-from vnav.pipeline.build import BuiltMap, build, expect_capture
+from vnav.pipeline.build import BuiltMap, build, expect_captures
 
 
 @dataclass(frozen=True)
@@ -54,7 +58,7 @@ def open_capture(
 
 
 def build_map(
-    capture: CaptureSource,
+    captures: CaptureSource | Sequence[CaptureSource],
     map_dir: AnyPath = "map",
     *,
     config: ConfigSource = None,
@@ -62,24 +66,60 @@ def build_map(
     trajectory: TrajectorySource | None = None,
     fresh: bool = False,
     force: bool = False,
+    jobs: int = 0,
+    scheduler: str = "",
     progress: Progress = silent,
 ) -> Map:
     """Make a map of a capture: a folder, or frames from anywhere (see `vnav.frames`).
 
-    Stages that are up to date are kept; ``fresh`` deletes the map that is there first. ``camera``:
-    a camera.toml, where the folder has none. ``trajectory``: poses to build on as they are, camera
-    to world, or a TUM file of them. ``force`` goes on where depth units look wrong. VnavError
-    where there is no map to be made; what was finished is kept.
+    Several captures of one place make one map; odometry of each is shared out by ``jobs`` and
+    ``scheduler`` as `vnav.batch.run` has them. Stages that are up to date are kept; ``fresh``
+    deletes the map that is there first. ``camera``: a camera.toml, where a folder has none.
+    ``trajectory``: poses to build one capture on as they are, camera to world, or a TUM file of
+    them. ``force`` goes on where depth units look wrong. VnavError where there is no map to be
+    made; what was finished is kept.
     """
+    from vnav import batch
+    from vnav.pipeline.joining import track_alone
+
     settings = config_of(config)
-    source = capture_of(capture, settings, camera)
+    sources = [capture_of(capture, settings, camera) for capture in _listed(captures)]
     given = None if trajectory is None else trajectory_of(trajectory)
+    _require_captures(len(sources), given)
     root = Path(map_dir)
+    track_all = partial(batch.run, track_alone, jobs=jobs, scheduler=scheduler, progress=progress)
     with only_writer(root):
         built = build(
-            source, root, settings, given=given, fresh=fresh, force=force, progress=progress
+            sources,
+            root,
+            settings,
+            track_all,
+            given=given,
+            fresh=fresh,
+            force=force,
+            progress=progress,
         )
         return _drawn(root, built)
+
+
+def _listed(captures: CaptureSource | Sequence[CaptureSource]) -> list[CaptureSource]:
+    """One or several as a list; folders so that another process finds them, too."""
+    if isinstance(captures, str | PathLike):
+        return [Path(captures).absolute()]
+    if isinstance(captures, Sequence):
+        return [capture for several in captures for capture in _listed(several)]
+    return [captures]
+
+
+def _require_captures(count: int, given: Trajectory | None) -> None:
+    """CaptureError where there is no capture, or poses are given for several."""
+    if not count:
+        raise CaptureError("expected a capture to make a map of, found none; name at least one")
+    if given is not None and count > 1:
+        raise CaptureError(
+            f"expected one capture with a trajectory, found {count}: a trajectory is of one clock;"
+            " make a map of each"
+        )
 
 
 def build_maps(
@@ -153,7 +193,7 @@ def track_capture(
     given = None if trajectory is None else trajectory_of(trajectory)
     with only_writer(Path(map_dir)):
         folder = MapFolder.create(Path(map_dir))
-        expect_capture(folder, source)
+        expect_captures(folder, [source])
         return odometry.run(folder, source, settings, given=given, progress=progress)
 
 

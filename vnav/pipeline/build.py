@@ -1,4 +1,4 @@
-"""From a capture to a finished map: claim 3, every stage in its turn."""
+"""From captures to a finished map: claim 3, every stage in its turn."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -10,12 +10,24 @@ from vnav.config import Config
 from vnav.core.progress import Progress, silent
 from vnav.core.report import Report
 from vnav.core.trajectory import Trajectory
-from vnav.errors import ConfigError, MapError
+from vnav.errors import CaptureError, ConfigError, MapError
 from vnav.io.sources.capture import Capture
+from vnav.io.store.artifacts import save_odometry
 from vnav.io.store.map_folder import STAGES, MapFolder
 from vnav.io.store.overview import has_verdict
-from vnav.io.store.stage_reports import clock, finished, peak_memory_mb, reused
+from vnav.io.store.records import MappedCapture
+from vnav.io.store.stage_reports import (
+    Clock,
+    clock,
+    finished,
+    peak_memory_mb,
+    reused,
+    settings_of,
+)
+from vnav.pipeline.connection import joins, with_joins
+from vnav.pipeline.joining import TrackAll, joined_odometry, tracked
 from vnav.pipeline.quality import assess
+from vnav.stages import odometry
 
 
 @dataclass(frozen=True)
@@ -27,23 +39,31 @@ class BuiltMap:
 
 
 def build(
-    capture: Capture,
+    captures: Sequence[Capture],
     map_dir: Path,
     config: Config,
+    track_all: TrackAll,
     *,
     given: Trajectory | None = None,
     fresh: bool = False,
     force: bool = False,
     progress: Progress = silent,
 ) -> BuiltMap:
-    """Make the map of a capture that is fit to be mapped; see `vnav.build_map`."""
+    """Make one map of captures that are fit to be mapped; see `vnav.build_map`.
+
+    ``track_all`` runs odometry of each, where there are several.
+    """
     if given is None:
         expect_scale(config)
     expect_vocabulary(config)
-    checked = require_usable(capture, force=force, progress=progress)
+    checked = [require_usable(c, force=force, progress=progress) for c in captures]
     folder = MapFolder.create(map_dir, fresh)
-    reports = build_map(folder, capture, config, given=given, progress=progress)
-    return BuiltMap(checked.warnings, reports)
+    if len(captures) == 1:
+        (capture,), (found,) = captures, checked
+        reports = build_map(folder, capture, config, given=given, progress=progress)
+        return BuiltMap(found.warnings, reports)
+    warnings = tuple(f"{found.name}: {told}" for found in checked for told in found.warnings)
+    return BuiltMap(warnings, _build_together(folder, captures, config, track_all, progress))
 
 
 def build_map(
@@ -60,14 +80,59 @@ def build_map(
     MapError where the map was made of others.
     """
     started = clock()
-    expect_capture(folder, capture)
-    from vnav.stages import odometry
-
+    expect_captures(folder, [capture])
     tracked = odometry.run(folder, capture, config, given=given, progress=progress)
+    return _finished(folder, tracked, config, started, progress)
+
+
+def _build_together(
+    folder: MapFolder,
+    captures: Sequence[Capture],
+    config: Config,
+    track_all: TrackAll,
+    progress: Progress,
+) -> list[Report]:
+    """Run every stage on captures that are tracked alone, and all else together."""
+    started = clock()
+    expect_captures(folder, captures)
+    tracked = _odometry_of(folder, captures, config, track_all)
+    return _finished(folder, tracked, config, started, progress)
+
+
+def _odometry_of(
+    folder: MapFolder, captures: Sequence[Capture], config: Config, track_all: TrackAll
+) -> Report:
+    """The stage odometry of several captures."""
+    started = clock()
+    entries = [odometry.described(k, capture) for k, capture in enumerate(captures)]
+    _require_different(entries)
+    settings = settings_of(config, *odometry.SECTIONS)
+    inputs = {f"capture_{entry['id']}": entry["fingerprint"] for entry in entries}
+    if folder.is_current("odometry", settings, inputs):
+        return reused(folder, "odometry")
+    with (
+        tracked(folder, captures, config, track_all) as parts,
+        folder.writing("odometry", settings, inputs) as draft,
+    ):
+        joined = joined_odometry(draft, parts)
+        save_odometry(draft, joined)
+        folder.set_captures(entries)
+    return finished(folder, odometry.report(joined), started)
+
+
+def _finished(
+    folder: MapFolder,
+    tracked: Report,
+    config: Config,
+    started: Clock,
+    progress: Progress,
+) -> list[Report]:
+    """Run the stages after odometry; the reports of all, of the whole map, and the verdict."""
     reports = [tracked, *run_stages(folder, STAGES[1:], config, progress)]
     if has_verdict(folder) and all(report.reused for report in reports):
         return [*reports, reused(folder, "map"), reused(folder, "quality")]
-    return [*reports, finished(folder, whole(folder), started), judged(folder, config)]
+    map_report = with_joins(whole(folder), joins(folder))
+    return [*reports, finished(folder, map_report, started), judged(folder, config)]
 
 
 def run_stages(
@@ -96,15 +161,28 @@ def expect_vocabulary(config: Config) -> None:
         expect_numbers(front_end(config.features).space)
 
 
-def expect_capture(folder: MapFolder, capture: Capture) -> None:
-    """MapError where a map exists and was made of a capture of another name, or of several."""
+def expect_captures(folder: MapFolder, captures: Sequence[Capture]) -> None:
+    """MapError where a map exists and was made of captures of other names."""
     made_of = [mapped["name"] for mapped in folder.captures]
-    if made_of and made_of != [capture.name]:
+    names = [capture.name for capture in captures]
+    if made_of and made_of != names:
         raise MapError(
             f"expected {', '.join(made_of)}, of which the map {folder.root} was made, found"
-            f" {capture.name}; name another folder with --map, add a capture with 'vnav extend"
+            f" {', '.join(names)}; name another folder with --map, add a capture with 'vnav extend"
             f" {folder.root} CAPTURE', or start anew with --fresh"
         )
+
+
+def _require_different(entries: Sequence[MappedCapture]) -> None:
+    """CaptureError where two captures are the same."""
+    first: dict[str, str] = {}
+    for entry in entries:
+        if entry["fingerprint"] in first:
+            raise CaptureError(
+                f"expected captures of different frames, found {first[entry['fingerprint']]} and"
+                f" {entry['name']}, which have the same; name each once"
+            )
+        first[entry["fingerprint"]] = entry["name"]
 
 
 def judged(folder: MapFolder, config: Config) -> Report:

@@ -1,6 +1,7 @@
-"""Whether a new capture belongs to a map, and how firmly loop closures connect it."""
+"""Whether captures belong to one map, and how firmly loop closures connect them."""
 
 import dataclasses
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -9,7 +10,7 @@ from vnav.core.frame import Edge
 from vnav.core.mapping import Odometry
 from vnav.core.report import Report
 from vnav.errors import CaptureError
-from vnav.io.store.artifacts import load_loop_edges, load_loops, load_optimised
+from vnav.io.store.artifacts import load_loop_edges, load_loops, load_odometry, load_optimised
 from vnav.io.store.map_folder import MapFolder
 from vnav.optimisation.segments import MIN_AGREEING
 from vnav.pipeline.relocalise import CaptureRelocalisation, RelocalisedKeyframes
@@ -89,3 +90,56 @@ def with_connection(whole_map: Report, found: Connection) -> Report:
     )
     values = whole_map.values | {"connection": vars(found)}
     return dataclasses.replace(whole_map, values=values, lines=lines)
+
+
+@dataclass(frozen=True)
+class Join:
+    """How one of several captures is in their map.
+
+    Of its ``frames``, those ``posed``; ``closures`` kept with the other captures.
+    """
+
+    name: str
+    frames: int
+    posed: int
+    closures: int
+
+
+def joins(folder: MapFolder) -> list[Join]:
+    """For each capture of an optimised map, how it is in it."""
+    capture = load_odometry(folder).frames.capture
+    posed = np.isfinite(load_optimised(folder).T_world_camera[:, 0, 0])
+    ends = [(capture[e.i], capture[e.j]) for e in _kept_closures(folder)]
+    across = [k for pair in ends if pair[0] != pair[1] for k in pair]
+    return [
+        Join(
+            mapped["name"],
+            int((capture == k).sum()),
+            int(posed[capture == k].sum()),
+            across.count(k),
+        )
+        for k, mapped in enumerate(folder.captures)
+    ]
+
+
+def with_joins(whole_map: Report, found: Sequence[Join]) -> Report:
+    """The report of the whole map, and of how its captures are in it, where there are several."""
+    if len(found) == 1:
+        return whole_map
+    lines = [
+        f"{join.name}: {join.posed} of {join.frames} frames, {join.closures} loops to the others"
+        for join in found
+        if join.posed
+    ]
+    apart = [join.name for join in found if not join.posed]
+    warnings = [
+        f"{name} is kept as a part of its own, for no loop joins it to the others: record the way"
+        " between them, and add it with 'vnav extend'"
+        for name in apart
+    ]
+    return dataclasses.replace(
+        whole_map,
+        values=whole_map.values | {"captures": [vars(join) for join in found]},
+        lines=(*lines, *whole_map.lines),
+        warnings=(*whole_map.warnings, *warnings),
+    )

@@ -1,23 +1,17 @@
 """A second capture of the same place, joined to a map: located, tracked, optimised together."""
 
 import dataclasses
-import shutil
-from pathlib import Path
 
 import numpy as np
 
 from vnav.checking.capture_report import require_usable
 from vnav.config import Config, updated
 from vnav.core.arrays import Array
-from vnav.core.frame import Edge
-from vnav.core.mapping import LOST, FrameTable, Odometry
 from vnav.core.progress import Progress, silent
 from vnav.core.report import Report
 from vnav.errors import CaptureError, ConfigError, MapError
 from vnav.io.sources.capture import Capture
 from vnav.io.store.artifacts import (
-    add_keyframes,
-    copy_keyframes,
     load_odometry,
     load_optimised,
     map_camera,
@@ -34,8 +28,9 @@ from vnav.pipeline.connection import (
     require_same_place,
     with_connection,
 )
+from vnav.pipeline.joining import in_turn, joined_odometry, tracked
 from vnav.pipeline.relocalise import relocalise
-from vnav.stages.odometry import described, report, track
+from vnav.stages.odometry import SECTIONS, described, report
 from vnav.threads import one_blas_thread
 
 
@@ -61,14 +56,14 @@ def extend(
     checked = require_usable(capture, force=force, progress=progress)
     with replacing(folder) as draft:
         draft.set_captures([*folder.captures, entry])
-        tracked = _track(folder, draft, capture, config, progress)
+        odometry = _odometry(folder, draft, capture, config, progress)
         both = load_odometry(draft)
         located = relocalise(folder, both, map_camera(draft, -1), config, progress)
         require_same_place(located, capture.name, folder)
         posed = run_stages(draft, ("vocabulary", "loops", "optimise"), config, progress)
         found = connection(draft, both, located)
         require_connection(found, capture.name, folder)
-        reports = [tracked, *posed, *run_stages(draft, ("fuse", "index"), config, progress)]
+        reports = [odometry, *posed, *run_stages(draft, ("fuse", "index"), config, progress)]
         current = folder.current()
         if current is not None:  # its world is kept
             draft.write_current(current)
@@ -110,60 +105,31 @@ def _require_compatible(folder: MapFolder, entry: MappedCapture, config: Config)
             )
 
 
-def _track(
+def _odometry(
     folder: MapFolder, draft: MapFolder, capture: Capture, config: Config, progress: Progress
 ) -> Report:
     """The odometry stage of the extended map: that of the old one, and of the new capture."""
     started = clock()
-    settings = settings_of(config, "capture", "features", "registration", "odometry")
+    settings = settings_of(config, *SECTIONS)
     inputs = {f"capture_{c['id']}": c["fingerprint"] for c in draft.captures}
     before = folder.inputs_of("odometry", "optimise")
     inputs |= {f"{stage}_before": digest for stage, digest in before.items()}
     if draft.is_current("odometry", settings, inputs):
         return reused(draft, "odometry")
-    with draft.writing("odometry", settings, inputs) as path:
-        both = _appended(folder, path, capture, config, progress)
+    with (
+        tracked(draft, [capture], config, in_turn(progress)) as new,
+        draft.writing("odometry", settings, inputs) as path,
+    ):
+        both = joined_odometry(path, [folder, *new])
+        T_world_before = _world_before(folder, len(both.frames))
+        both = dataclasses.replace(both, T_world_before=T_world_before)
         save_odometry(path, both)
     return finished(draft, report(both), started)
 
 
-def _appended(
-    folder: MapFolder, path: Path, capture: Capture, config: Config, progress: Progress
-) -> Odometry:
-    """The odometry of both, its keyframes' images in the folder ``path``."""
-    old, T_world_camera = load_odometry(folder), load_optimised(folder).T_world_camera
-    added = path / "added"
-    added.mkdir()
-    new = track(capture, config, added, progress)
-    copy_keyframes(folder, path)
-    add_keyframes(path, added, len(old.frames))
-    shutil.rmtree(added)
-    return append(old, new, T_world_camera)
-
-
-def append(old: Odometry, new: Odometry, T_world_camera: Array) -> Odometry:
-    """Two odometries as one, which nothing joins yet; ``T_world_camera`` (N, 4, 4): the old's."""
-    rows, segments = len(old.frames), int(old.segment.max()) + 1
-    captures = int(old.frames.capture[-1]) + 1
-    nowhere = np.full((len(new.frames), 4, 4), np.nan)
-    return Odometry(
-        FrameTable(
-            np.concatenate([old.frames.capture, new.frames.capture + captures]),
-            np.concatenate([old.frames.index, new.frames.index]),
-            np.concatenate([old.frames.stamp_s, new.frames.stamp_s]),
-        ),
-        np.concatenate([old.T_segment_camera, new.T_segment_camera]),
-        np.append(old.segment, np.where(new.segment == LOST, LOST, new.segment + segments)),
-        old.reasons + new.reasons,
-        old.edges + tuple(_shifted(edge, rows) for edge in new.edges),
-        old.keyframes + tuple(dataclasses.replace(k, row=k.row + rows) for k in new.keyframes),
-        T_world_before=np.concatenate([T_world_camera, nowhere]),
-        degenerate_edges=old.degenerate_edges
-        + tuple(_shifted(edge, rows) for edge in new.degenerate_edges),
-        alternatives=old.alternatives + tuple(_shifted(edge, rows) for edge in new.alternatives),
-        moving_share=np.concatenate([old.moving_share, new.moving_share]),
-    )
-
-
-def _shifted(edge: Edge, rows: int) -> Edge:
-    return dataclasses.replace(edge, i=edge.i + rows, j=edge.j + rows)
+def _world_before(folder: MapFolder, count: int) -> Array:
+    """Poses (N, 4, 4) of all frames as the old map has them: NaN for those of the new capture."""
+    poses = np.full((count, 4, 4), np.nan)
+    known = load_optimised(folder).T_world_camera
+    poses[: len(known)] = known
+    return poses

@@ -103,17 +103,22 @@ def test_the_poses_of_a_map_before_it_was_extended_are_kept(folder: MapFolder) -
     assert_same(result, artifacts.load_odometry(folder))
 
 
-def test_keyframes_of_another_odometry_follow_on_the_rows_before(tmp_path: Path) -> None:
-    for name in ("whole/keyframes/000007", "added/keyframes/000000", "added/keyframes/000012"):
-        path = tmp_path / name
-        path.parent.mkdir(parents=True, exist_ok=True)
-        for end in ("jpg", "png"):
-            path.with_suffix(f".{end}").write_text(name)
-    artifacts.add_keyframes(tmp_path / "whole", tmp_path / "added", 8)
+def test_keyframes_of_another_odometry_follow_on_the_rows_before(
+    folder: MapFolder, tmp_path: Path
+) -> None:
+    def keep(draft: Path) -> None:
+        (draft / "keyframes").mkdir()
+        for name in ("000000.jpg", "000012.png", "000012.mask.png"):
+            (draft / "keyframes" / name).write_text(name)
+
+    saved(folder, "odometry", keep)
+    (tmp_path / "whole" / "keyframes").mkdir(parents=True)
+    (tmp_path / "whole" / "keyframes" / "000007.jpg").touch()
+    artifacts.copy_keyframes(folder, tmp_path / "whole", 8)
     images = sorted((tmp_path / "whole" / "keyframes").iterdir())
-    rows = ["000007", "000008", "000020"]
-    assert [p.name for p in images] == [f"{row}.{end}" for row in rows for end in ("jpg", "png")]
-    assert images[-1].read_text() == "added/keyframes/000012"
+    names = ["000007.jpg", "000008.jpg", "000020.mask.png", "000020.png"]
+    assert [path.name for path in images] == names
+    assert images[-1].read_text() == "000012.png"
 
 
 def test_odometry_of_one_keyframe_and_no_edge_is_legal(folder: MapFolder) -> None:

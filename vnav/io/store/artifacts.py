@@ -143,22 +143,14 @@ def save_keyframe_mask(draft: Path, row: int, moving: NDArray[np.bool_]) -> None
     _write_image(path, moving.astype(np.uint8) * 255, cv2.IMWRITE_PNG_BILEVEL, 1)
 
 
-def copy_keyframes(folder: MapFolder, draft: Path) -> None:
-    """Copy the keyframes' images of a map."""
-    names = [name for name in folder.files("odometry") if name.startswith("keyframes/")]
-    (draft / "keyframes").mkdir()
-    for name in names:
-        shutil.copyfile(folder.file("odometry", name), draft / name)
-
-
-def add_keyframes(draft: Path, added: Path, first_row: int) -> None:
-    """Move the keyframes' images of an odometry of its own into that of which it becomes a part.
-
-    ``first_row``: the row that its first frame gets.
-    """
-    for image in sorted((added / "keyframes").iterdir()):
-        row, _, kind = image.name.partition(".")
-        image.rename(draft / "keyframes" / f"{int(row) + first_row:06d}.{kind}")
+def copy_keyframes(folder: MapFolder, draft: Path, first_row: int = 0) -> None:
+    """Copy the keyframes' images of a map; ``first_row``: the row that its first frame gets."""
+    (draft / "keyframes").mkdir(exist_ok=True)
+    for name in folder.files("odometry"):
+        if name.startswith("keyframes/"):
+            row, _, kind = Path(name).name.partition(".")
+            copy = draft / "keyframes" / f"{int(row) + first_row:06d}.{kind}"
+            shutil.copyfile(folder.file("odometry", name), copy)
 
 
 def _write_image(path: Path, image: NDArray[Any], *parameters: int) -> None:

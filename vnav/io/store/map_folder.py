@@ -36,7 +36,8 @@ from vnav.io.store.records import (
 FORMAT = 6
 STAGES = ("odometry", "vocabulary", "loops", "optimise", "fuse", "index")
 _LEFTOVERS = tuple(f".{name}.*" for name in (*STAGES, "map.json"))  # drafts, and what they replace
-_OWN = (*_LEFTOVERS, *STAGES, "reports", "state")
+PARTS = ".parts"  # odometry of captures that are being joined, a folder for each
+_OWN = (*_LEFTOVERS, *STAGES, PARTS, "reports", "state")
 _SEAL = "sha256"  # in every JSON file, of what else is in it
 FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 
