@@ -6,7 +6,8 @@ import pytest
 from numpy.typing import NDArray
 
 from vnav.core.arrays import Array
-from vnav.tracking.ekf.template_search import MAX_SEARCH_PX, TEMPLATE_PX, correlation, search
+from vnav.tracking.correlation import TEMPLATE_PX, correlation
+from vnav.tracking.ekf.template_search import MAX_SEARCH_PX, search
 
 Image = NDArray[np.uint8]
 HALF = TEMPLATE_PX // 2

@@ -10,6 +10,7 @@ from vnav.core.arrays import Array, Floats, Rows
 from vnav.core.camera import Intrinsics
 from vnav.core.frame import Rejected
 from vnav.features.description import undescribed
+from vnav.tracking.correlation import TEMPLATE_PX
 from vnav.tracking.ekf.features import TrackedFeature, new_corners
 from vnav.tracking.ekf.image_turn import turned
 from vnav.tracking.ekf.measurement_model import Measurement, measure, pixels, points
@@ -20,7 +21,7 @@ from vnav.tracking.ekf.one_point_ransac import (
     low_innovation_inliers,
 )
 from vnav.tracking.ekf.state import CAMERA, FEATURE, FilterState, at_rest
-from vnav.tracking.ekf.template_search import TEMPLATE_PX, search
+from vnav.tracking.ekf.template_search import search
 from vnav.tracking.ekf.templates import Template, cut
 from vnav.tracking.ekf.update import innovation_covariances, updated
 from vnav.tracking.trackers.klt import KltTracker

@@ -5,11 +5,10 @@ from numpy.typing import NDArray
 
 from vnav.compiled import compiled
 from vnav.core.arrays import Array
+from vnav.tracking.correlation import MIN_CORRELATION, correlation, normalised, peak
 
-TEMPLATE_PX = 11
 SEARCH_SIGMAS = 3.0
 MAX_SEARCH_PX = 40.0
-MIN_CORRELATION = 0.8
 
 
 @compiled
@@ -23,24 +22,13 @@ def search(image: NDArray[np.uint8], templates: Array, predicted_px: Array, S: A
     """
     found = np.full((len(templates), 2), np.nan)
     for n in range(len(templates)):
-        template = templates[n] - templates[n].mean()
-        norm = np.sqrt((template * template).sum())
-        if not (norm > 0 and np.isfinite(predicted_px[n]).all()):
+        template = templates[n].copy()
+        if not (normalised(template) and np.isfinite(predicted_px[n]).all()):
             continue
-        template /= norm
         best = _best_place(image, template, predicted_px[n], np.linalg.inv(S[n]), S[n])
         if best[0] > MIN_CORRELATION:
-            u, v = int(best[1]), int(best[2])
-            found[n, 0] = u + _peak(
-                correlation(image, template, u - 1, v),
-                best[0],
-                correlation(image, template, u + 1, v),
-            )
-            found[n, 1] = v + _peak(
-                correlation(image, template, u, v - 1),
-                best[0],
-                correlation(image, template, u, v + 1),
-            )
+            beside_u, beside_v = peak(image, template, best[1], best[2], best[0])
+            found[n, 0], found[n, 1] = best[1] + beside_u, best[2] + beside_v
     return found
 
 
@@ -62,30 +50,3 @@ def _best_place(
             if value > best:
                 best, best_u, best_v = value, u, v
     return best, best_u, best_v
-
-
-@compiled
-def correlation(image: NDArray[np.uint8], template: Array, u: int, v: int) -> float:
-    """Of a template (11, 11) of mean 0 and norm 1 with the image around a pixel; -1 at its edge."""
-    half = TEMPLATE_PX // 2
-    height, width = image.shape
-    if not (half <= u < width - half and half <= v < height - half):
-        return -1.0
-    total, squares, product = 0.0, 0.0, 0.0
-    for i in range(TEMPLATE_PX):
-        for j in range(TEMPLATE_PX):
-            value = float(image[v + i - half, u + j - half])
-            total += value
-            squares += value * value
-            product += template[i, j] * value
-    variance = squares - total * total / TEMPLATE_PX**2
-    return product / np.sqrt(variance) if variance > 1e-3 else -1.0
-
-
-@compiled
-def _peak(before: float, here: float, after: float) -> float:
-    """Where between -0.5 and 0.5 the parabola through three values is largest."""
-    bend = before - 2 * here + after
-    if before < -0.99 or after < -0.99 or not bend < 0:
-        return 0.0
-    return min(0.5, max(-0.5, 0.5 * (before - after) / bend))

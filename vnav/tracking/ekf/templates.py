@@ -9,7 +9,7 @@ from vnav.compiled import compiled
 from vnav.core import se3
 from vnav.core.arrays import Array
 from vnav.core.camera import Intrinsics
-from vnav.tracking.ekf.template_search import TEMPLATE_PX
+from vnav.tracking.correlation import TEMPLATE_PX
 from vnav.tracking.patch_alignment import affine_warp, sample
 
 REACH_PX = 15  # of the image that is kept around a feature

@@ -8,10 +8,16 @@ from vnav.compiled import compiled
 from vnav.config import Config
 from vnav.core.arrays import Array, Floats
 from vnav.core.frame import Features
+from vnav.tracking.correlation import (
+    MIN_CORRELATION,
+    REACH_PX,
+    TEMPLATE_PX,
+    correlation,
+    normalised,
+    peak,
+)
 from vnav.tracking.trackers.grey import grey_of
 
-REACH_PX = 5  # of a template: 11 x 11 px
-MIN_CORRELATION = 0.8
 MAX_BACK_PX = 1.5  # between a point and the best place of what was found, sought back
 FINE_PX = 3  # searched around what the image of half the size shows
 
@@ -62,7 +68,7 @@ def best_places(
     To a fraction of a pixel. NaN where a template or its place is not in the image, or flat.
     """
     places, best = np.full((len(px_a), 2), np.nan), np.full(len(px_a), np.nan)
-    template, reach = np.empty((2 * REACH_PX + 1, 2 * REACH_PX + 1), np.float32), int(radius_px)
+    template, reach = np.empty((TEMPLATE_PX, TEMPLATE_PX), np.float32), int(radius_px)
     for n in range(len(px_a)):
         if np.isnan(px_a[n, 0] + start_px[n, 0]):
             continue
@@ -74,58 +80,22 @@ def best_places(
         for dv in range(-reach, reach + 1):
             for du in range(-reach, reach + 1):
                 if du * du + dv * dv <= radius_px * radius_px:
-                    value = _correlation(template, image_b, u + du, v + dv)
+                    value = correlation(image_b, template, u + du, v + dv)
                     if value > top:
                         top, at_u, at_v = value, u + du, v + dv
         if top > 0:
             best[n] = top
-            places[n, 0] = px_a[n, 0] - x + at_u + _peak(template, image_b, at_u, at_v, (1, 0), top)
-            places[n, 1] = px_a[n, 1] - y + at_v + _peak(template, image_b, at_u, at_v, (0, 1), top)
+            beside_u, beside_v = peak(image_b, template, at_u, at_v, top)
+            places[n, 0] = px_a[n, 0] - x + at_u + beside_u
+            places[n, 1] = px_a[n, 1] - y + at_v + beside_v
     return places, best
 
 
 @compiled
 def _take(template: Floats, image: Floats, x: int, y: int) -> bool:
-    """Fill the template about a pixel: mean 0 and length 1; False where it is cut off or flat."""
+    """Fill the template about a pixel, normalised; False where it is cut off or flat."""
     height, width = image.shape
     if not (REACH_PX <= x < width - REACH_PX and REACH_PX <= y < height - REACH_PX):
         return False
     template[:] = image[y - REACH_PX : y + REACH_PX + 1, x - REACH_PX : x + REACH_PX + 1]
-    template -= template.mean()
-    length = np.sqrt((template * template).sum())
-    if length < 1:
-        return False
-    template /= length
-    return True
-
-
-@compiled
-def _correlation(template: Floats, image: Floats, x: int, y: int) -> float:
-    """Of a template, as `_take` fills it, and what is about a pixel; -1 where that is cut off."""
-    height, width = image.shape
-    if not (REACH_PX <= x < width - REACH_PX and REACH_PX <= y < height - REACH_PX):
-        return -1.0
-    product, total, square = np.float32(0), np.float32(0), np.float32(0)
-    size = 2 * REACH_PX + 1
-    for i in range(size):
-        row = image[y - REACH_PX + i]
-        for j in range(size):
-            value = row[x - REACH_PX + j]
-            product += template[i, j] * value
-            total += value
-            square += value * value
-    variance = square - total * total / np.float32(size * size)
-    return float(product / np.sqrt(max(variance, np.float32(1))))
-
-
-@compiled
-def _peak(
-    template: Floats, image: Floats, x: int, y: int, along: tuple[int, int], top: float
-) -> float:
-    """How far beside a pixel the correlation is highest, by a parabola through three values."""
-    before = _correlation(template, image, x - along[0], y - along[1])
-    after = _correlation(template, image, x + along[0], y + along[1])
-    bend = before - 2 * top + after
-    if before < -0.5 or after < -0.5 or bend >= 0:
-        return 0.0
-    return min(max((before - after) / (2 * bend), -0.5), 0.5)
+    return normalised(template)
