@@ -13,6 +13,7 @@ from vnav import __version__
 from vnav.cli import logs
 from vnav.cli.say import say
 from vnav.errors import VnavError
+from vnav.memory import keep_freed
 
 COMMANDS = {
     "build-map": "build_map",
@@ -98,6 +99,7 @@ def _in_one_line(error: Exception) -> str | None:
 def main() -> int:
     """Run the command line; exit code 0, 1 (an error that is no bug), 2 (usage) or 3 (no)."""
     _open_closed_streams()
+    keep_freed()
     os.environ.setdefault("OPENCV_LOG_LEVEL", "SILENT")  # what it finds is told by vnav
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):  # which may know few characters

@@ -29,7 +29,7 @@ LEVELS = (
     },
     {"core", "threads", "compiled"},
     {"config", "configs", "datasets"},
-    {"errors", "caches"},
+    {"errors", "caches", "memory"},
     {"vnav"},  # the version
 )
 

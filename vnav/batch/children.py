@@ -18,6 +18,7 @@ from vnav.batch.task import Function, ResultT, TaskT
 from vnav.core.progress import Progress
 from vnav.core.report import Failed
 from vnav.errors import VnavError
+from vnav.memory import keep_freed
 
 ATTEMPTS = 3  # of a task whose process is killed
 TOLD_S = 0.2  # between two steps that a process tells of
@@ -109,6 +110,7 @@ def _received(connection: Connection, question: Any, progress: Progress) -> list
 
 def child() -> None:
     """What a process does: receive a function and a task, send the result; end with its parent."""
+    keep_freed()
     connection = Connection(int(sys.argv[1]))
     function, task = connection.recv()
     threading.Thread(target=_end_with, args=[connection], daemon=True).start()

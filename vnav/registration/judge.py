@@ -99,8 +99,10 @@ def are_same(
     points = a.intrinsics.unproject(pixels[seen], 1 / inverse_depth[seen].astype(float))
     first, second = (se3.transform(se3.inverse(motion), points) for motion in (T_a_b, U_a_b))
     apart, farther = _apart(first, second, a.intrinsics)
-    later = se3.transform(se3.exp(delay_s * a.twist), points)
-    passed, nearer = _apart(points, later, a.intrinsics)
+    passed = nearer = np.zeros(len(points))
+    if delay_s:
+        later = se3.transform(se3.exp(delay_s * a.twist), points)
+        passed, nearer = _apart(points, later, a.intrinsics)
     limits = SAME * config.ransac_threshold_px / BLOCK_PX, SEEN_SIGMAS * config.depth_sigma_per_m2
     same = (apart < np.hypot(limits[0], passed)) & (farther < np.hypot(limits[1], nearer))
     return bool(2 * same.sum() >= len(same))
