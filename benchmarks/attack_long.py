@@ -2,11 +2,11 @@
 
     python benchmarks/attack_long.py [CAPTURE] [--moments 100] [--seed 0] [--record]
 
-maps the first 60 frames of a capture (the house's, or a rendered room's) and extends the map by
-the next 30. Then it does so again, and kills either command at random moments; lets files
-become no longer than so many bytes; fills a small disk (as root); starts two writers at once. After
-each the same command runs undisturbed. Exit code 1 where the map has other bytes then, or where
-something else than one line was told.
+maps the first 60 frames of a capture (the house's, or a rendered room's), extends the map by 30
+others, and maps both as one. Then it does so again, and kills each command at random moments; lets
+files become no longer than so many bytes; fills a small disk (as root); starts two writers at once.
+After each the same command runs undisturbed. Exit code 1 where the map has other bytes then, or
+where something else than one line was told.
 """
 
 import argparse
@@ -58,7 +58,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("capture", nargs="?", type=Path, help="a TUM folder")
-    parser.add_argument("--moments", type=int, default=100, help="of kills, over both commands")
+    parser.add_argument("--moments", type=int, default=100, help="of kills, over all commands")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--jobs", type=int, default=os.cpu_count())
     add_record_option(parser)
@@ -68,9 +68,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         capture = asked.capture or (HOUSE if HOUSE.is_dir() else cached_capture(MINIATURE, root))
         sliced(capture, root / "first", 0, FIRST)
         sliced(capture, root / "next", FIRST * 2 // 3, FIRST * 2 // 3 + NEXT)
-        building, extending = jobs_on(root)
         rng = np.random.default_rng(asked.seed)
-        found = Trials(root, asked.jobs).all_of(building, extending, rng, asked.moments)
+        found = Trials(root, asked.jobs).all_of(jobs_on(root), rng, asked.moments)
         on = f"{capture.name}, first {FIRST} frames"
         measured = [
             Measurement(
@@ -93,12 +92,16 @@ def sliced(capture: Path, folder: Path, begin: int, end: int) -> None:
     shutil.copy(capture / "camera.toml", folder)
 
 
-def jobs_on(root: Path) -> tuple[Job, Job]:
-    """Building a map and extending it, undisturbed."""
+def jobs_on(root: Path) -> list[Job]:
+    """Building a map, extending it, and building one of both captures, undisturbed."""
     first, following = str(root / "first"), str(root / "next")
-    building = measured_job("build-map", ("build-map", first, "--map", "map"), None, root)
-    extending = ("extend", "map", following)
-    return building, measured_job("extend", extending, root / "build-map" / "map", root)
+    building = ("build-map", first, "--map", "map")
+    together = ("build-map", first, following, "--map", "map")
+    return [
+        measured_job("build-map", building, None, root),
+        measured_job("extend", ("extend", "map", following), root / "build-map" / "map", root),
+        measured_job("build-map of two captures", together, None, root),
+    ]
 
 
 def measured_job(name: str, command: tuple[str, ...], begins: Path | None, root: Path) -> Job:
@@ -130,19 +133,20 @@ class Trials:
         self._root, self._jobs = root, jobs
 
     def all_of(
-        self, building: Job, extending: Job, rng: np.random.Generator, moments: int
+        self, jobs: Sequence[Job], rng: np.random.Generator, moments: int
     ) -> dict[str, list[str]]:
         """Faults of each kind of trial."""
         found = {}
-        for job in (building, extending):
+        for job in jobs:
             kills = [
                 Disturbance(signal_s=float(s), signal=signal.SIGKILL)
-                for s in rng.uniform(0, job.seconds, moments // 2)
+                for s in rng.uniform(0, job.seconds, moments // len(jobs))
             ]
             sizes = (int(10**e) for e in rng.uniform(*SIZES, moments // 10))
             limits = [Disturbance(limits={resource.RLIMIT_FSIZE: size}) for size in sizes]
             found[f"SIGKILL in {job.name}"] = self._each(job, kills)
             found[f"files of limited size in {job.name}"] = self._each(job, limits)
+        building = jobs[0]
         filled = (self._on_small_disk(building, kilobytes) for kilobytes in DISKS_KB)
         found["a full disk in build-map"] = [wrong for wrong in filled if wrong is not None]
         waits = rng.uniform(0.5, building.seconds * 0.8, max(1, moments // 20))
