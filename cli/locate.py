@@ -1,12 +1,15 @@
 """Find where photos were taken."""
 
 import json
-from collections.abc import Sequence
+import os
+import sys
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import click
 
+from vnav.cli.logs import is_quiet
 from vnav.cli.options import (
     batch_options,
     config_options,
@@ -16,12 +19,13 @@ from vnav.cli.options import (
     warn,
 )
 from vnav.cli.say import say
+from vnav.core.progress import Progress, silent
 
 if TYPE_CHECKING:
     from vnav.api.map import Map
     from vnav.localisation.verdict.answer import PhotoAnswer, UnreadablePhoto
 
-    Answers: TypeAlias = Sequence[PhotoAnswer | UnreadablePhoto]
+    Answer: TypeAlias = PhotoAnswer | UnreadablePhoto
 
 CAMERA_HELP = (
     "Camera of the photos, a camera.toml, or 'auto' to estimate it. Without it: camera.toml beside"
@@ -30,7 +34,15 @@ CAMERA_HELP = (
 
 
 @click.command()
-@click.argument("photos", nargs=-1, required=True, type=click.Path(path_type=Path))
+@click.argument("photos", nargs=-1, type=click.Path(path_type=Path))
+@click.option("--stdin", "from_stdin", is_flag=True, help="Answer paths from stdin, one a line.")
+@click.option(
+    "--watch",
+    "watched",
+    metavar="DIR",
+    type=click.Path(path_type=Path),
+    help="Answer the photos of a folder, and each one that comes.",
+)
 @map_option
 @config_options
 @click.option("--camera", metavar="FILE|auto", help=CAMERA_HELP)
@@ -44,6 +56,8 @@ CAMERA_HELP = (
 @batch_options
 def locate(
     photos: tuple[Path, ...],
+    from_stdin: bool,
+    watched: Path | None,
     map_dir: Path,
     config_source: str | None,
     settings: tuple[str, ...],
@@ -61,56 +75,155 @@ def locate(
     'vnav plan --from current' starts. Several photos keep all cores busy; --jobs and --scheduler
     share out very many.
 
+    With --stdin or --watch the map stays loaded, and each answer is one line of JSON, flushed at
+    once. A photo that is still being written is waited for. The current place stays as it is.
+    --stdin has one answer a line, an error too; --watch goes on until Ctrl-C.
+
     \b
     vnav locate photo.jpg --map my-map
     vnav locate photo.jpg --camera camera.toml --json
     vnav locate photos/ --csv poses.csv --overlay drawn/
     vnav locate thousands/ --json --scheduler tcp://10.0.0.1:8786
+    ls photos/*.jpg | vnav locate --stdin --map my-map
+    vnav locate --watch incoming/ --map my-map
     """
     from vnav import config
     from vnav.api.map import open_map
     from vnav.io.photos.photo_files import find_photos
-    from vnav.reporting.photo_table import write_csv
+    from vnav.reporting.photo_table import photo_table
 
     require_one_way(jobs, scheduler)
+    _require_one_source(photos, from_stdin, watched)
+    streams = from_stdin or watched is not None
+    if streams:
+        _require_no({"--overlay": overlay, "--jobs": jobs, "--scheduler": scheduler})
     mapped, resolved = open_map(map_dir), config.load(config_source, settings)
     paths, alone = find_photos(photos), len(photos) == 1 and not photos[0].is_dir()
+    _require_another(csv_file, paths)
     pictures = _pictures(paths, overlay, alone) if overlay else {}
-    answers: Answers
-    if alone:
+    shown = _Shown("lines" if streams else _form(as_json, alone), alone)
+    answers: Iterable[Answer]
+    if streams:
+        answers = mapped.locate_each(_arriving(watched), camera=camera, config=resolved)
+    elif alone:
         answers = [mapped.locate(paths[0], camera=camera, config=resolved, remember=True)]
     else:
-        found = mapped.locate_all(
+        answers = mapped.locate_all(
             paths,
             camera=camera,
             config=resolved,
             jobs=jobs or 0,
             scheduler=scheduler,
-            progress=console_progress(),
+            progress=shown.progress,
         )
-        answers = list(found)
-    _tell(answers, as_json, alone)
-    _draw(mapped, answers, pictures)
-    if csv_file:
-        write_csv(csv_file, answers)
-    return _exit_code(answers)
+    with shown, photo_table(csv_file) as add_row:
+        for answer in answers:
+            shown.add(answer)
+            _draw(mapped, answer, pictures)
+            add_row(answer)
+    return shown.exit_code
 
 
-def _tell(answers: "Answers", as_json: bool, alone: bool) -> None:
-    """Answers on stdout, what is doubtful about them on stderr."""
-    from vnav.localisation.verdict.answer import PhotoAnswer, summary
+class _Shown:
+    """Answers on stdout as they are found, what is doubtful about them and their number on stderr.
 
-    warned = set[str]()
-    if as_json:
-        said = [answer.as_dict() for answer in answers]
-        click.echo(json.dumps(said[0] if alone else said, indent=1, allow_nan=False))
-    for answer in answers:
-        if not as_json:
+    ``form``: "text", "object", "array" (at the end) or "lines".
+    """
+
+    def __init__(self, form: str, alone: bool) -> None:
+        self._form, self._alone = form, alone
+        self._array = list[dict[str, Any]]()
+        self._warned = set[str]()
+        self._answered, self._read, self._located = 0, 0, 0
+
+    @property
+    def progress(self) -> Progress:
+        """Shown where answers are not: they would stand in its line."""
+        return silent if self._form == "text" and sys.stdout.isatty() else console_progress()
+
+    @property
+    def exit_code(self) -> int:
+        """1 where a photo could not be read, 3 where one was not located."""
+        if self._read < self._answered:
+            return 1
+        return 0 if self._located == self._answered else 3
+
+    def add(self, answer: "Answer") -> None:
+        """Print an answer, and warnings that are new."""
+        from vnav.localisation.verdict.answer import PhotoAnswer, summary
+
+        self._answered += 1
+        self._located += answer.located
+        if self._form == "text":
             say(summary(answer))
-        new = set(answer.warnings) - warned if isinstance(answer, PhotoAnswer) else set()
+        elif self._form == "array":
+            self._array.append(answer.as_dict())
+        else:
+            _print_json(answer.as_dict(), as_line=self._form == "lines")
+        if isinstance(answer, PhotoAnswer):
+            self._read += 1
+            self._warn(answer.warnings)
+
+    def _warn(self, warnings: Iterable[str]) -> None:
+        """Say what was not said of another photo."""
+        new = set(warnings) - self._warned
         for warning in sorted(new):
             warn(warning)
-        warned |= new
+        self._warned |= new
+
+    def __enter__(self) -> None:
+        pass
+
+    def __exit__(self, kind: type[BaseException] | None, *_error: object) -> None:
+        if self._form == "array" and kind is None:
+            _print_json(self._array)
+        if self._answered and not self._alone and not is_quiet():
+            say(f"{self._located} of {self._answered} located", err=True)
+
+
+def _form(as_json: bool, alone: bool) -> str:
+    """How answers are printed."""
+    if not as_json:
+        return "text"
+    return "object" if alone else "array"
+
+
+def _print_json(values: object, *, as_line: bool = False) -> None:
+    layout: dict[str, Any] = {"separators": (",", ":")} if as_line else {"indent": 1}
+    click.echo(json.dumps(values, allow_nan=False, **layout))
+
+
+def _require_one_source(photos: Sequence[Path], from_stdin: bool, watched: Path | None) -> None:
+    """UsageError unless photos are named in one way."""
+    given = {"PHOTOS": photos, "--stdin": from_stdin, "--watch": watched is not None}
+    named = [name for name, value in given.items() if value]
+    if len(named) != 1:
+        found = " and ".join(named) or "none of them"
+        raise click.UsageError(f"expected PHOTOS, --stdin or --watch DIR, found {found}")
+
+
+def _require_no(options: dict[str, object]) -> None:
+    """UsageError where one of the options is given."""
+    for name, value in options.items():
+        if value:
+            raise click.UsageError(f"expected {name} with PHOTOS, found it with --stdin or --watch")
+
+
+def _require_another(table: Path | None, photos: Sequence[Path]) -> None:
+    """UsageError where a photo would be written over by the table."""
+    if table and table.resolve() in {photo.resolve() for photo in photos}:
+        raise click.UsageError(f"expected another file for --csv than a photo, found {table}")
+
+
+def _arriving(watched: Path | None) -> Iterator[Path]:
+    """The photos of a folder as they come, else the paths on stdin, one a line."""
+    from vnav.io.photos.arriving import arriving_photos
+
+    if watched is not None:
+        yield from arriving_photos(watched)
+    else:
+        for line in sys.stdin.buffer:
+            yield Path(os.fsdecode(line.rstrip(b"\r\n")))
 
 
 def _pictures(photos: Sequence[Path], overlay: Path, alone: bool) -> dict[Path, Path]:
@@ -130,20 +243,9 @@ def _pictures(photos: Sequence[Path], overlay: Path, alone: bool) -> dict[Path, 
     return taken
 
 
-def _draw(mapped: "Map", answers: "Answers", pictures: dict[Path, Path]) -> None:
-    """A picture of each photo that could be read."""
+def _draw(mapped: "Map", answer: "Answer", pictures: dict[Path, Path]) -> None:
+    """A picture of a photo that could be read."""
     from vnav.localisation.verdict.answer import PhotoAnswer
 
-    for answer in answers:
-        if isinstance(answer, PhotoAnswer) and answer.path in pictures:
-            mapped.draw_photo(answer, pictures[answer.path])
-
-
-def _exit_code(answers: "Answers") -> int:
-    """1 where a photo could not be read, 3 where one was not located."""
-    from vnav.localisation.verdict.answer import PhotoAnswer
-
-    read = [answer for answer in answers if isinstance(answer, PhotoAnswer)]
-    if len(read) < len(answers):
-        return 1
-    return 0 if all(answer.located for answer in read) else 3
+    if isinstance(answer, PhotoAnswer) and answer.path in pictures:
+        mapped.draw_photo(answer, pictures[answer.path])

@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from vnav.config import load as load_config
     from vnav.core.camera import Camera, Intrinsics
     from vnav.core.trajectory import Trajectory
+    from vnav.io.photos.arriving import arriving_photos
     from vnav.io.sources.capture import Capture
     from vnav.io.sources.memory import frames
     from vnav.localisation.verdict.answer import PhotoAnswer, UnreadablePhoto
@@ -51,6 +52,7 @@ __all__ = [
     "TrajectoryError",
     "UnreadablePhoto",
     "VnavError",
+    "arriving_photos",
     "build_map",
     "check",
     "compare_trackers",
@@ -73,6 +75,7 @@ _PLACES = {
     "PlanAnswer": "vnav.stages.plan:PlanAnswer",
     "Trajectory": "vnav.core.trajectory:Trajectory",
     "UnreadablePhoto": "vnav.localisation.verdict.answer:UnreadablePhoto",
+    "arriving_photos": "vnav.io.photos.arriving:arriving_photos",
     "build_map": "vnav.api.building:build_map",
     "check": "vnav.api.judging:check",
     "compare_trackers": "vnav.api.judging:compare_trackers",

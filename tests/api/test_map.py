@@ -1,6 +1,7 @@
 """A map asked from Python."""
 
 import shutil
+from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
@@ -101,6 +102,22 @@ def test_a_photo_that_cannot_be_read_is_told_and_the_others_are_answered(
     assert isinstance(broken, vnav.UnreadablePhoto)
     assert (broken.located, answered.located) == (False, True)
     assert "broken.jpg" in broken.reason
+
+
+def test_each_photo_is_answered_before_the_next_is_asked_for(
+    mapped: vnav.Map, photos: list[Path], tmp_path: Path
+) -> None:
+    taken = list[Path]()
+
+    def source() -> Iterator[Path]:
+        for photo in (tmp_path / "none.jpg", *photos[:2]):
+            taken.append(photo)
+            yield photo
+
+    answers = mapped.locate_each(source())
+    assert not next(answers).located
+    np.testing.assert_array_equal(pose(next(answers)), pose(mapped.locate(photos[0])))
+    assert taken[1:] == photos[:1]
 
 
 def test_a_path_joins_a_located_photo_a_file_pixels_and_a_point(

@@ -2,8 +2,10 @@
 
 import json
 import shutil
+import signal
 import subprocess
 import sys
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 
 import click
@@ -13,9 +15,11 @@ import pytest
 from click.testing import CliRunner, Result
 
 from vnav.api.locate_many import shares
+from vnav.api.map import Map
 from vnav.cli.main import cli
 from vnav.errors import CameraError, MapError, PhotoError, VnavError
 from vnav.io.store.map_folder import MapFolder
+from vnav.localisation.verdict.answer import UnreadablePhoto
 
 
 @pytest.fixture(scope="module")
@@ -38,13 +42,19 @@ def black(tmp_path: Path) -> Path:
     return path
 
 
-def run(*arguments: object) -> Result:
+def run(*arguments: object, lines: Iterable[object] = ()) -> Result:
+    """The command's result; ``lines``: on its stdin."""
     return CliRunner().invoke(
         cli,
         ["locate", *(str(a) for a in arguments)],
+        input="".join(f"{line}\n" for line in lines),
         standalone_mode=False,
         catch_exceptions=False,
     )
+
+
+def untimed(value: dict[str, object]) -> dict[str, object]:
+    return {**value, "seconds": None}
 
 
 def first_of(photos: Path) -> Path:
@@ -109,6 +119,115 @@ def test_csv_and_overlays_are_written(indexed: Path, photos: Path, tmp_path: Pat
     assert sorted(path.name for path in drawn.iterdir()) == names
 
 
+@pytest.fixture
+def interrupted(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Ctrl-C after the first of several photos."""
+
+    def locate_all(_: Map, paths: Sequence[Path], **_options: object) -> Iterator[UnreadablePhoto]:
+        yield UnreadablePhoto(paths[0], "none")
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(Map, "locate_all", locate_all)
+
+
+def test_an_interrupt_loses_no_answer(
+    indexed: Path, photos: Path, tmp_path: Path, interrupted: None
+) -> None:
+    table = tmp_path / "poses.csv"
+    arguments = [str(a) for a in ("locate", photos, "--map", indexed, "--csv", table)]
+    result = CliRunner().invoke(cli, arguments)
+    assert result.exit_code == 1  # click's own; main tells 130
+    assert result.stdout.startswith(f"{first_of(photos)}: unreadable")
+    assert "0 of 1 located" in result.stderr
+    assert table.read_text().splitlines()[1].startswith(f"{first_of(photos)},False,none,")
+
+
+def test_several_photos_are_counted_and_one_is_not(
+    indexed: Path, photos: Path, black: Path
+) -> None:
+    one = first_of(photos)
+    assert "1 of 2 located" in run(one, black, "--map", indexed).stderr
+    assert "located" not in run(one, "--map", indexed).stderr
+    assert "located" not in run(one, black, "--map", indexed, "-q").stderr
+
+
+def test_a_photo_is_not_written_over_by_the_table(indexed: Path, tmp_path: Path) -> None:
+    photos = [tmp_path / "a.jpg", tmp_path / "b.jpg"]
+    with pytest.raises(click.UsageError, match="another file for --csv than a photo"):
+        run(*photos, "--map", indexed, "--csv", photos[1])
+
+
+def test_each_line_of_stdin_has_a_line_of_json(indexed: Path, photos: Path, tmp_path: Path) -> None:
+    """In their order, as of one photo, whatever a line holds; the current place stays."""
+    before = MapFolder(indexed).current()
+    lines = ["", first_of(photos), tmp_path / "none.jpg", "x" * 5000, tmp_path, first_of(photos)]
+    result = run("--stdin", "--map", indexed, lines=lines)
+    answers = [json.loads(line) for line in result.stdout.splitlines()]
+    assert [answer["photo"] for answer in answers] == [str(Path(line)) for line in lines]
+    assert [answer["located"] for answer in answers] == [False, True, False, False, False, True]
+    assert result.return_value == 1
+    assert "2 of 6 located" in result.stderr
+    assert MapFolder(indexed).current() == before
+    alone = json.loads(run(first_of(photos), "--map", indexed, "--json").stdout)
+    assert untimed(answers[1]) == untimed(answers[5]) == untimed(alone)
+
+
+def test_a_photo_that_a_camera_does_not_fit_does_not_end_the_others(
+    indexed: Path, photos: Path, tmp_path: Path
+) -> None:
+    square = tmp_path / "square.png"
+    cv2.imwrite(str(square), np.zeros((240, 240, 3), np.uint8))
+    camera = photos / "camera.toml"
+    lines = [square, first_of(photos)]
+    result = run("--stdin", "--map", indexed, "--camera", camera, lines=lines)
+    bad, good = [json.loads(line) for line in result.stdout.splitlines()]
+    assert "expected a camera for 240 x 240 pixels" in bad["reason"]
+    assert good["located"]
+
+
+def test_a_camera_that_is_missing_ends_it_before_the_first_line(indexed: Path) -> None:
+    with pytest.raises(CameraError, match=r"nowhere\.toml"):
+        run("--stdin", "--map", indexed, "--camera", "nowhere.toml", lines=["a.jpg"])
+
+
+@pytest.mark.parametrize(
+    ("arguments", "found"),
+    [
+        ([], "found none of them"),
+        (["--stdin", "a.jpg"], "found PHOTOS and --stdin"),
+        (["--stdin", "--watch", "."], "found --stdin and --watch"),
+        (["--stdin", "--jobs", "2"], "expected --jobs with PHOTOS"),
+        (["--watch", ".", "--overlay", "."], "expected --overlay with PHOTOS"),
+    ],
+)
+def test_photos_are_named_in_one_way(arguments: list[str], found: str) -> None:
+    with pytest.raises(click.UsageError, match=found):
+        run(*arguments)
+
+
+def test_a_folder_is_watched_until_it_is_interrupted(
+    indexed: Path, photos: Path, tmp_path: Path
+) -> None:
+    """Each answer arrives before the next photo does; nothing but answers on stdout."""
+    watched = [sys.executable, "-P", "-m", "vnav", "locate", "--watch", tmp_path, "--map", indexed]
+    shutil.copy(photos / "camera.toml", tmp_path)
+    with subprocess.Popen(
+        watched, cwd="/", text=True, stdout=subprocess.PIPE, stderr=subprocess.PIPE
+    ) as process:
+        assert process.stdout is not None
+        for photo in sorted(photos.glob("*.jpg"))[:2]:
+            part = shutil.copy(photo, tmp_path / f"{photo.name}.part")
+            Path(part).rename(tmp_path / photo.name)
+            answer = json.loads(process.stdout.readline())
+            assert (answer["photo"], answer["located"]) == (str(tmp_path / photo.name), True)
+        process.send_signal(signal.SIGINT)
+        rest, said = process.communicate(timeout=60)
+    assert process.returncode == 130
+    assert rest == ""
+    assert "2 of 2 located" in said.splitlines()
+    assert said.splitlines()[-1] == "vnav: interrupted; what was finished is kept"
+
+
 def test_no_picture_takes_the_place_of_a_photo_or_of_another(
     indexed: Path, photos: Path, tmp_path: Path
 ) -> None:
@@ -155,7 +274,7 @@ def test_photos_shared_out_among_processes_have_the_same_answers(
     def answers(*options: object) -> list[dict[str, object]]:
         result = run(photos, broken, "--map", indexed, "--json", *options)
         assert result.return_value == 1
-        return [{**value, "seconds": None} for value in json.loads(result.stdout)]
+        return [untimed(value) for value in json.loads(result.stdout)]
 
     assert answers("--jobs", 2) == answers()
 

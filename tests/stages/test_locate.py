@@ -17,7 +17,7 @@ from vnav.io.store.map_folder import MapFolder
 from vnav.localisation.verdict.answer import UnreadablePhoto, summary
 from vnav.localisation.verdict.decision import NotLocated
 from vnav.reporting import inset, overlay
-from vnav.reporting.photo_table import CSV_HEADER, write_csv
+from vnav.reporting.photo_table import CSV_HEADER, photo_table
 from vnav.stages.locate import Locator, brightened, locate, remember, scaled_down
 
 
@@ -230,8 +230,12 @@ def test_the_table_has_a_line_for_each_photo(
     locator: Locator, photos: list[Path], tmp_path: Path
 ) -> None:
     answers = [locator.locate(photos[0]), UnreadablePhoto(Path("x.jpg"), "expected, found")]
-    write_csv(tmp_path / "poses.csv", answers)
-    header, good, bad = (tmp_path / "poses.csv").read_text().splitlines()
+    table = tmp_path / "poses.csv"
+    with photo_table(table) as add_row:
+        for rows, answer in enumerate(answers, 1):
+            add_row(answer)
+            assert len(table.read_text().splitlines()) == 1 + rows  # already now
+    header, good, bad = table.read_text().splitlines()
     assert header.split(",") == list(CSV_HEADER)
     assert len(good.split(",")) == len(CSV_HEADER)
     assert bad.startswith('x.jpg,False,"expected, found",')

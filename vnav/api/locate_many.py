@@ -36,7 +36,7 @@ class LocateTask:
 def share_out(
     task: LocateTask, *, jobs: int = 0, scheduler: str = "", progress: Progress = silent
 ) -> Iterator[PhotoAnswer | UnreadablePhoto]:
-    """Answers in the order of the task's photos, found in processes or on a Dask cluster.
+    """Answers in the order of the task's photos, as processes or a Dask cluster find them.
 
     Photos whose process fails are unreadable, with its reason.
     """
@@ -44,10 +44,14 @@ def share_out(
 
     tasks = [replace(task, photos=share) for share in shares(task.photos, jobs)]
     found: dict[int, list[PhotoAnswer | UnreadablePhoto]] = {}
+    done, told = 0, 0  # photos, and tasks whose answers were given
     for k, result in batch.run(locate_photos, tasks, jobs=jobs, scheduler=scheduler):
         found[k] = _unreadable(tasks[k], result) if isinstance(result, Failed) else result
-        progress("locate", sum(map(len, found.values())), len(task.photos))
-    return (answer for k in range(len(tasks)) for answer in found[k])
+        done += len(found[k])
+        progress("locate", done, len(task.photos))
+        while told in found:
+            yield from found.pop(told)
+            told += 1
 
 
 def shares(photos: Sequence[Path], jobs: int) -> list[tuple[Path, ...]]:

@@ -1,7 +1,7 @@
 """A map that is there: what it holds, where photos were taken, and paths on it."""
 
 import dataclasses
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from threading import Lock
 from typing import TYPE_CHECKING, Any
@@ -26,7 +26,7 @@ from vnav.core.point_cloud import Mesh, PointCloud
 from vnav.core.progress import Progress, silent
 from vnav.core.trajectory import Trajectory
 from vnav.errors import MapError
-from vnav.io.photos.photo_files import PhotoCameraSource
+from vnav.io.photos.photo_files import PhotoCameraSource, require_readable
 from vnav.io.store.map_folder import MapFolder
 from vnav.localisation.verdict.answer import PhotoAnswer, UnreadablePhoto
 from vnav.pipeline.build import BuiltMap
@@ -151,6 +151,23 @@ class Map:
 
         return locate(self._locator(settings, source), paths, progress=progress)
 
+    def locate_each(
+        self,
+        photos: Iterable[AnyPath],
+        *,
+        camera: CameraSource = None,
+        config: ConfigSource = None,
+    ) -> Iterator[PhotoAnswer | UnreadablePhoto]:
+        """The answer to each photo before the next is asked for, of a source that may never end.
+
+        The map is loaded at once. A photo that is still being written is waited for. One that
+        cannot be asked is named with the reason.
+        """
+        from vnav.stages.locate import locate_each
+
+        locator = self._locator(config_of(config), photo_camera_of(camera))
+        return locate_each(locator, map(Path, photos))
+
     def plan(
         self,
         start: PlaceSource,
@@ -212,6 +229,7 @@ class Map:
     def _locator(self, config: Config, camera: PhotoCameraSource) -> "Locator":
         from vnav.stages.locate import Locator
 
+        require_readable(camera)
         with self._lock:
             if self._loaded is None:
                 self._loaded = Locator.open(self._folder, config, camera)

@@ -1,8 +1,8 @@
 """Where photos were taken, as a table for other programs."""
 
 import csv
-import io
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
@@ -10,7 +10,6 @@ import numpy as np
 
 from vnav.core import se3
 from vnav.errors import VnavError
-from vnav.io.files import write_text
 from vnav.localisation.verdict.answer import PhotoAnswer, UnreadablePhoto
 
 CSV_HEADER = (
@@ -19,14 +18,38 @@ CSV_HEADER = (
 )
 
 
-def write_csv(path: Path, answers: Iterable[PhotoAnswer | UnreadablePhoto]) -> None:
-    """A header and a line for each photo; empty fields for what is not known."""
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(CSV_HEADER)
-    writer.writerows(_row(answer) for answer in answers)
+@contextmanager
+def photo_table(path: Path | None) -> Iterator[Callable[[PhotoAnswer | UnreadablePhoto], None]]:
+    """Writes a line for each photo below a header, at once: what is interrupted has its lines.
+
+    Fields of what is not known are empty. Without a path, nothing is written. VnavError where the
+    file cannot be.
+    """
+    if path is None:
+        yield lambda answer: None
+        return
+    with _told(path):
+        file = path.open("w", encoding="utf-8", newline="")
+    writer = csv.writer(file, lineterminator="\n")
+
+    def write(row: Iterable[Any]) -> None:
+        with _told(path):
+            writer.writerow(row)
+            file.flush()
+
     try:
-        write_text(path, text.getvalue())
+        write(CSV_HEADER)
+        yield lambda answer: write(_row(answer))
+    finally:
+        with suppress(OSError):  # what could not be written is told
+            file.close()
+
+
+@contextmanager
+def _told(path: Path) -> Iterator[None]:
+    """VnavError for what the system has against writing."""
+    try:
+        yield
     except OSError as error:
         raise VnavError(
             f"expected to write {path}, found: {error.strerror}; name another file with --csv"

@@ -7,7 +7,7 @@ import time
 from collections.abc import Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 from pathlib import Path
 from threading import Thread
 
@@ -21,8 +21,9 @@ from vnav.config import Config, FeaturesConfig, updated
 from vnav.core.camera import Intrinsics, PhotoCamera
 from vnav.core.frame import Features
 from vnav.core.progress import Progress, silent
-from vnav.errors import PhotoError
+from vnav.errors import CameraError, PhotoError
 from vnav.features import FrontEnd, front_end
+from vnav.io.photos.arriving import wait_until_written
 from vnav.io.photos.photo_files import (
     PhotoCameraSource,
     estimated_camera,
@@ -137,17 +138,27 @@ def locate(
 ) -> Iterator[PhotoAnswer | UnreadablePhoto]:
     """Answers in the order of the photos, as they are found, all cores at work."""
     paths = list(photos)
-
-    def answer(path: Path) -> PhotoAnswer | UnreadablePhoto:
-        try:
-            return locator.locate(path)
-        except PhotoError as error:
-            return UnreadablePhoto(path, str(error))
-
     with ThreadPoolExecutor(os.cpu_count()) as pool:
-        for done, found in enumerate(pool.map(answer, paths), 1):
+        for done, found in enumerate(pool.map(partial(_asked_of, locator), paths), 1):
             progress("locate", done, len(paths))
             yield found
+
+
+def locate_each(
+    locator: Locator, photos: Iterable[Path]
+) -> Iterator[PhotoAnswer | UnreadablePhoto]:
+    """The answer to each photo before the next is asked for; those being written are waited for."""
+    for path in photos:
+        wait_until_written(path)
+        yield _asked_of(locator, path)
+
+
+def _asked_of(locator: Locator, path: Path) -> PhotoAnswer | UnreadablePhoto:
+    """The answer, also where the photo cannot be asked."""
+    try:
+        return locator.locate(path)
+    except (PhotoError, CameraError) as error:
+        return UnreadablePhoto(path, str(error))
 
 
 def remember(folder: MapFolder, answer: PhotoAnswer | UnreadablePhoto) -> str | None:

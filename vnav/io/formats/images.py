@@ -56,6 +56,18 @@ def image_size(path: Path) -> tuple[int, int]:
     return size
 
 
+def is_whole(path: Path) -> bool | None:
+    """Whether a file is a whole image, as PNG and JPEG tell; None of another format.
+
+    False also for an empty file, and for one that cannot be read.
+    """
+    try:
+        data = _content(path)
+        return bool(_size_if_whole(data, path)) or (None if data else False)
+    except CaptureError:
+        return False
+
+
 def _decoded(path: Path, flags: int) -> NDArray[np.generic]:
     data = _content(path)
     _size_if_whole(data, path)

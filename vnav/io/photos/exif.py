@@ -42,11 +42,11 @@ class Exif:
 
 
 def read_exif(path: Path) -> Exif:
-    """The EXIF of a JPEG or HEIC; empty for another format, for none and for damaged EXIF."""
+    """The EXIF of a JPEG or HEIC; empty for another format or file, none, and damaged EXIF."""
     try:
         tiff = heic_exif(path) if is_heic(path) else _tiff(read_bytes(path))
         return Exif(_tags(tiff) if tiff else {})
-    except (PhotoError, struct.error, IndexError, KeyError, ZeroDivisionError):
+    except (PhotoError, OSError, struct.error, IndexError, KeyError, ZeroDivisionError):
         return Exif({})
 
 

@@ -15,9 +15,9 @@ BRANDS = (b"heic", b"heix", b"hevc", b"heim", b"heis", b"mif1", b"msf1")
 
 def is_heic(path: Path) -> bool:
     """Whether a file begins like HEIC; False for one that cannot be read, or for what is none."""
-    if not path.is_file():
-        return False
     try:
+        if not path.is_file():
+            return False
         with path.open("rb") as file:
             head = file.read(12)
     except OSError:

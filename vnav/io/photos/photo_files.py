@@ -37,11 +37,27 @@ def find_photos(paths: Iterable[Path]) -> list[Path]:
         if not path.is_dir():
             found.append(path)
             continue
-        images = sorted(p for p in path.iterdir() if p.suffix.lower() in SUFFIXES)
+        images = photos_in(path)
         if not images:
             raise PhotoError(f"expected photos in the folder {path}, found none; name another")
         found += images
     return found
+
+
+def photos_in(folder: Path) -> list[Path]:
+    """The images of a folder in order of name; PhotoError where it cannot be read."""
+    try:
+        return sorted(p for p in folder.iterdir() if p.suffix.lower() in SUFFIXES)
+    except OSError as error:
+        raise PhotoError(
+            f"expected a folder of photos at {folder}, found: {error.strerror}; name another"
+        ) from error
+
+
+def require_readable(camera: PhotoCameraSource) -> None:
+    """CameraError where a camera.toml that is named is none, which no photo could be asked with."""
+    if isinstance(camera, Path):
+        read_color(camera)
 
 
 def photo_camera(
