@@ -29,9 +29,9 @@ from vnav.errors import MapError
 from vnav.io.photos.photo_files import PhotoCameraSource, require_readable
 from vnav.io.store.map_folder import MapFolder
 from vnav.localisation.verdict.answer import PhotoAnswer, UnreadablePhoto
-from vnav.pipeline.build import BuiltMap
 
 if TYPE_CHECKING:
+    from vnav.pipeline.build import BuiltMap
     from vnav.stages.locate import Locator
     from vnav.stages.plan import Place, PlanAnswer
 
@@ -45,7 +45,7 @@ class Map:
     it is on disk; the index for locating is loaded with the first photo, and kept.
     """
 
-    def __init__(self, folder: MapFolder, built: BuiltMap | None = None) -> None:
+    def __init__(self, folder: MapFolder, built: "BuiltMap | None" = None) -> None:
         self.built = built
         self._folder = folder
         self._lock = Lock()

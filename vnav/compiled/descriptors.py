@@ -1,11 +1,13 @@
 """Distances between descriptors, as `DescriptorSpace.comparable` gives them."""
 
 from collections.abc import Callable
+from importlib import import_module
 from typing import Any
 
 import numpy as np
 from numba import types
 from numba.extending import overload
+from numba.np import linalg
 from numpy.typing import NDArray
 
 from vnav.compiled import compiled
@@ -17,7 +19,16 @@ def squared_distance(a: NDArray[Any], b: NDArray[Any]) -> float:
 
 
 def load_compiled() -> None:
-    """What the first call of anything compiled does: load numba's library, a third of a second."""
+    """What the first call of anything compiled does: load numba's library, a third of a second.
+
+    But for scipy.linalg, a fifth: numba looks whether it is there, and needs it for products of
+    matrices only, which load it when they run.
+    """
+    looks, linalg.ensure_blas = linalg.ensure_blas, lambda: None
+    try:
+        import_module("numba.np.arraymath")
+    finally:
+        linalg.ensure_blas = looks
     _of_bytes(np.zeros(1, np.uint8), np.zeros(1, np.uint8))
 
 
