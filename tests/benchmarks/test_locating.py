@@ -58,6 +58,13 @@ def test_a_pose_is_right_within_5_cm_and_5_degrees(locating: ModuleType) -> None
     assert not locating.is_right(None, np.eye(4))
 
 
+def test_a_photo_on_stdin_is_held_against_its_sift(locating: ModuleType, case) -> None:  # type: ignore[no-untyped-def]
+    wall, ratio = locating.stream(case, len(case.photos))
+    assert (wall.quantity, ratio.quantity) == ("wall time", "wall time, ratio")
+    assert ratio.value > 0
+    assert ratio.wanted == "at most 1.4"
+
+
 def test_solvers_that_are_not_installed_are_left_out_and_named(  # type: ignore[no-untyped-def]
     locating: ModuleType,
     case,
@@ -65,7 +72,7 @@ def test_solvers_that_are_not_installed_are_left_out_and_named(  # type: ignore[
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     monkeypatch.setattr(locating, "optional", lambda name: None)
-    for name in ("cold", "growth", "busy"):
+    for name in ("cold", "stream", "growth", "busy"):
         monkeypatch.setattr(locating, name, lambda *cases: [])
     monkeypatch.setattr(locating, "cases", lambda out: [case])
     monkeypatch.setattr(locating, "building", lambda out, rooms: case)
