@@ -14,6 +14,7 @@ from vnav.cli.options import (
     batch_options,
     config_options,
     console_progress,
+    loaded,
     map_option,
     require_one_way,
     warn,
@@ -116,6 +117,8 @@ def locate(
             scheduler=scheduler,
             progress=shown.progress,
         )
+    if not alone:
+        loaded()
     with shown, photo_table(csv_file) as add_row:
         for answer in answers:
             shown.add(answer)

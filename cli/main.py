@@ -11,6 +11,7 @@ import click
 
 from vnav import __version__
 from vnav.cli import logs
+from vnav.cli.options import loaded
 from vnav.cli.say import say
 from vnav.errors import VnavError
 from vnav.memory import keep_freed
@@ -38,6 +39,7 @@ COMMANDS = {
     "demo": "demo",
     "doctor": "doctor",
 }
+QUICK = {"locate", "plan"}  # load for longer than they work, and tell by `loaded` where they do not
 NO_THREAD = "can't start new thread"  # Python's RuntimeError where memory is short
 LAST_STREAM = 2  # descriptor of stderr
 
@@ -53,6 +55,8 @@ class LazyGroup(click.Group):
         """The command of that name, None where there is none."""
         if cmd_name not in COMMANDS:
             return None
+        if cmd_name not in QUICK:
+            loaded()
         module = import_module(f"vnav.cli.{COMMANDS[cmd_name]}")
         command: click.Command = getattr(module, cmd_name.replace("-", "_"))
         logs.add_options(command)

@@ -1,5 +1,6 @@
 """Options that several commands share, and how progress is shown."""
 
+import gc
 import sys
 import time
 from collections.abc import Callable
@@ -96,6 +97,13 @@ def require_one_way(jobs: int | None, scheduler: str) -> None:
     """UsageError where both ways of sharing the work are asked for."""
     if jobs and scheduler:
         raise click.UsageError("expected --jobs or --scheduler, found both")
+
+
+def loaded() -> None:
+    """Seek garbage again where it was not while a command was loaded, and not in what was."""
+    if not gc.isenabled():
+        gc.freeze()
+        gc.enable()
 
 
 def warn(warning: str) -> None:

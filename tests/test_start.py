@@ -1,11 +1,15 @@
 """No command imports a heavy library before it needs it."""
 
+import gc
 import json
 import subprocess
 import sys
 from pathlib import Path
 
+import click
 import pytest
+
+from vnav.cli.main import cli
 
 HEAVY = {
     *("open3d", "sklearn", "gtsam", "octomap", "matplotlib", "numba", "cv2"),
@@ -62,3 +66,32 @@ def test_importing_vnav_loads_nothing_but_the_standard_library() -> None:
     )
     loaded = {name.split(".")[0] for name in done.stdout.split()}
     assert loaded - sys.stdlib_module_names == {"vnav"}
+
+
+def test_locating_a_photo_seeks_no_garbage(whole_map: Path, tiny_capture: Path) -> None:
+    """Nor does the end of the process: what is frozen is not looked at."""
+    code = (
+        "import gc, sys; from vnav.__main__ import run\n"
+        "seen = []; gc.callbacks.append(lambda *_: seen.append(1))\n"
+        "code = run(); print(code, len(seen), gc.get_freeze_count() > 10_000)"
+    )
+    photo = tiny_capture / "photos" / "000.jpg"
+    done = subprocess.run(
+        [sys.executable, "-P", "-c", code, "locate", photo, "--map", whole_map],
+        cwd=whole_map,
+        text=True,
+        stdout=subprocess.PIPE,
+        check=True,
+    )
+    assert done.stdout.splitlines()[-1] == "0 0 True"
+
+
+@pytest.mark.parametrize(("command", "seeks"), [("score", True), ("plan", False)])
+def test_commands_that_work_for_long_seek_garbage(command: str, seeks: bool) -> None:
+    try:
+        gc.disable()
+        cli.get_command(click.Context(cli), command)
+        assert gc.isenabled() == seeks
+    finally:
+        gc.enable()
+        gc.unfreeze()

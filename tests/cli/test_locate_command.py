@@ -1,5 +1,6 @@
 """vnav locate as a user calls it: what is printed where, and the exit codes."""
 
+import gc
 import json
 import shutil
 import signal
@@ -149,6 +150,18 @@ def test_several_photos_are_counted_and_one_is_not(
     assert "1 of 2 located" in run(one, black, "--map", indexed).stderr
     assert "located" not in run(one, "--map", indexed).stderr
     assert "located" not in run(one, black, "--map", indexed, "-q").stderr
+
+
+def test_garbage_is_sought_while_many_photos_are_located(
+    indexed: Path, photos: Path, interrupted: None
+) -> None:
+    try:
+        gc.disable()
+        CliRunner().invoke(cli, ["locate", str(photos), "--map", str(indexed)])
+        assert gc.isenabled()
+    finally:
+        gc.enable()
+        gc.unfreeze()
 
 
 def test_a_photo_is_not_written_over_by_the_table(indexed: Path, tmp_path: Path) -> None:
