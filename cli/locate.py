@@ -44,6 +44,9 @@ CAMERA_HELP = (
     type=click.Path(path_type=Path),
     help="Answer the photos of a folder, and each one that comes.",
 )
+@click.option(
+    "--sequence", is_flag=True, help="The photos were taken one after the other: see below."
+)
 @map_option
 @config_options
 @click.option("--camera", metavar="FILE|auto", help=CAMERA_HELP)
@@ -59,6 +62,7 @@ def locate(
     photos: tuple[Path, ...],
     from_stdin: bool,
     watched: Path | None,
+    sequence: bool,
     map_dir: Path,
     config_source: str | None,
     settings: tuple[str, ...],
@@ -80,6 +84,9 @@ def locate(
     once. A photo that is still being written is waited for. The current place stays as it is.
     --stdin has one answer a line, an error too; --watch goes on until Ctrl-C.
 
+    With --sequence, a pose near that of the photo before needs less evidence of its own. A pose
+    that is not given without it is said to be so: "held by the photos before".
+
     \b
     vnav locate photo.jpg --map my-map
     vnav locate photo.jpg --camera camera.toml --json
@@ -97,15 +104,18 @@ def locate(
     _require_one_source(photos, from_stdin, watched)
     streams = from_stdin or watched is not None
     if streams:
-        _require_no({"--overlay": overlay, "--jobs": jobs, "--scheduler": scheduler})
+        _require_no({"--overlay": overlay}, "--stdin or --watch")
+    if streams or sequence:
+        _require_no({"--jobs": jobs, "--scheduler": scheduler}, "--stdin, --watch or --sequence")
     mapped, resolved = open_map(map_dir), config.load(config_source, settings)
     paths, alone = find_photos(photos), len(photos) == 1 and not photos[0].is_dir()
     _require_another(csv_file, paths)
     pictures = _pictures(paths, overlay, alone) if overlay else {}
     shown = _Shown("lines" if streams else _form(as_json, alone), alone)
     answers: Iterable[Answer]
-    if streams:
-        answers = mapped.locate_each(_arriving(watched), camera=camera, config=resolved)
+    if streams or (sequence and not alone):
+        source = _arriving(watched) if streams else paths
+        answers = mapped.locate_each(source, camera=camera, config=resolved, sequence=sequence)
     elif alone:
         answers = [mapped.locate(paths[0], camera=camera, config=resolved, remember=True)]
     else:
@@ -205,11 +215,11 @@ def _require_one_source(photos: Sequence[Path], from_stdin: bool, watched: Path 
         raise click.UsageError(f"expected PHOTOS, --stdin or --watch DIR, found {found}")
 
 
-def _require_no(options: dict[str, object]) -> None:
+def _require_no(options: dict[str, object], beside: str) -> None:
     """UsageError where one of the options is given."""
     for name, value in options.items():
         if value:
-            raise click.UsageError(f"expected {name} with PHOTOS, found it with --stdin or --watch")
+            raise click.UsageError(f"expected {name} with PHOTOS alone, found it with {beside}")
 
 
 def _require_another(table: Path | None, photos: Sequence[Path]) -> None:

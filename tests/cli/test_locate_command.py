@@ -185,6 +185,15 @@ def test_each_line_of_stdin_has_a_line_of_json(indexed: Path, photos: Path, tmp_
     assert untimed(answers[1]) == untimed(answers[5]) == untimed(alone)
 
 
+def test_a_sequence_is_answered_in_order_and_its_priors_are_told(
+    indexed: Path, photos: Path
+) -> None:
+    result = run(photos, "--map", indexed, "--sequence", "--json")
+    values = json.loads(result.stdout)
+    assert [Path(value["photo"]) for value in values] == sorted(photos.glob("*.jpg"))
+    assert ["prior" in value for value in values] == [False] + [True] * (len(values) - 1)
+
+
 def test_a_photo_that_a_camera_does_not_fit_does_not_end_the_others(
     indexed: Path, photos: Path, tmp_path: Path
 ) -> None:
@@ -210,7 +219,8 @@ def test_a_camera_that_is_missing_ends_it_before_the_first_line(indexed: Path) -
         (["--stdin", "a.jpg"], "found PHOTOS and --stdin"),
         (["--stdin", "--watch", "."], "found --stdin and --watch"),
         (["--stdin", "--jobs", "2"], "expected --jobs with PHOTOS"),
-        (["--watch", ".", "--overlay", "."], "expected --overlay with PHOTOS"),
+        (["--watch", ".", "--overlay", "."], "expected --overlay with PHOTOS alone"),
+        (["a.jpg", "--sequence", "--jobs", "2"], "found it with --stdin, --watch or --sequence"),
     ],
 )
 def test_photos_are_named_in_one_way(arguments: list[str], found: str) -> None:

@@ -9,6 +9,7 @@ from vnav.features.sift import SPACE
 from vnav.localisation import localise as rooms
 from vnav.localisation.localise import localise
 from vnav.localisation.photo import prepare
+from vnav.localisation.prior import PlacePrior
 from vnav.localisation.query import Query
 from vnav.localisation.verdict.decision import Located, NotLocated
 from vnav.localisation.verdict.uncertainty import focal_length_check, sigmas
@@ -17,10 +18,10 @@ CONFIG = LocateConfig()
 POSE = (0.4, -0.3, 1.5), 40.0
 
 
-def asked(world, features, *, config=CONFIG, camera=None, focal_sigma=0.0, seed=0):
+def asked(world, features, *, config=CONFIG, camera=None, focal_sigma=0.0, seed=0, prior=None):
     photo = prepare(features, camera or world.camera, focal_sigma, world.database.tree)
     query = Query(photo, world.database, config)
-    return localise(query, np.random.default_rng(seed)), query
+    return localise(query, np.random.default_rng(seed), prior), query
 
 
 def errors(result, T_true):
@@ -136,6 +137,18 @@ def test_a_view_of_what_both_rooms_have_is_ambiguous(furnished_twins):
     result, _ = asked(furnished_twins, features)
     assert isinstance(result, NotLocated)
     assert result.reason == "ambiguous"
+
+
+@pytest.mark.parametrize("x0", [0, 20])
+def test_a_photo_before_in_one_of_two_rooms_tells_which_it_is(furnished_twins, x0):
+    """And a pose that is not given without it says so."""
+    T_true = furnished_twins.looking((x0 + 0.3, -0.2, 1.4), 185.0)
+    features, _ = furnished_twins.seen(T_true, furnished_twins.things, np.random.default_rng(13))
+    prior = PlacePrior("before.jpg", T_true[:3, 3] + [0.5, 0, 0], 0.99, step_m=1.0, told=98)
+    result, _ = asked(furnished_twins, features, prior=prior)
+    assert isinstance(result, Located)
+    assert errors(result, T_true)[0] < 0.01  # as without a rival
+    assert result.prior is prior
 
 
 def test_in_rooms_that_look_the_same_no_pose_is_wrong(furnished_twins):

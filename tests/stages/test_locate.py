@@ -14,11 +14,12 @@ from vnav.errors import PhotoError
 from vnav.io.formats.trajectories import read_tum
 from vnav.io.store.artifacts import load_optimised
 from vnav.io.store.map_folder import MapFolder
+from vnav.localisation.prior import PlacePrior
 from vnav.localisation.verdict.answer import UnreadablePhoto, summary
-from vnav.localisation.verdict.decision import NotLocated
+from vnav.localisation.verdict.decision import Located, NotLocated
 from vnav.reporting import inset, overlay
 from vnav.reporting.photo_table import CSV_HEADER, photo_table
-from vnav.stages.locate import Locator, brightened, locate, remember, scaled_down
+from vnav.stages.locate import Locator, brightened, locate, locate_each, remember, scaled_down
 
 
 @pytest.fixture(scope="module")
@@ -108,6 +109,40 @@ def test_all_places_of_an_ambiguous_photo_are_told(locator: Locator, photos: lis
         x, y, z = place.view.centre_world
         assert f"{x:.2f} {y:.2f} {z:.2f} m" in summary(unsure)
     assert [h["probability"] for h in unsure.as_dict()["hypotheses"]] == [0.6, 0.4]
+
+
+def test_a_sequence_reports_what_the_photos_before_told(
+    locator: Locator, photos: list[Path], tmp_path: Path
+) -> None:
+    """Photos that are located by themselves have the same answers, and say that they are."""
+    noise = np.random.default_rng(0).integers(0, 256, (240, 320, 3)).astype(np.uint8)
+    cv2.imwrite(str(tmp_path / "noise.png"), noise)
+    asked = [tmp_path / "none.jpg", photos[0], tmp_path / "noise.png", photos[1]]
+    values = [answer.as_dict() for answer in locate_each(locator, asked, sequence=True)]
+    assert ["prior" in value for value in values] == [False, False, True, True]
+    assert not values[2]["located"]
+    told, step_m = values[3].pop("prior"), locator.config.locate.sequence_step_m
+    assert (told["photo"], told["needed"]) == (str(photos[0]), False)
+    assert told["position_m"] == values[1]["position_m"]
+    assert told["reach_m"] == 2 * step_m  # since the photo before the noise
+    alone = locator.locate(photos[1]).as_dict()
+    assert {**values[3], "seconds": None} == {**alone, "seconds": None}
+
+
+def test_a_pose_that_the_photos_before_hold_is_said_to_be_so(
+    locator: Locator, photos: list[Path], tmp_path: Path
+) -> None:
+    answer = locator.locate(photos[0])
+    prior = PlacePrior("before.jpg", np.zeros(3), 0.99, 1.0)
+    result = answer.result
+    assert isinstance(result, Located)
+    held = dataclasses.replace(answer, result=dataclasses.replace(result, prior=prior), prior=prior)
+    assert held.as_dict()["prior"]["needed"]
+    assert summary(held).endswith("; held by the photos before")
+    assert "held by" not in summary(dataclasses.replace(answer, prior=prior))
+    with photo_table(tmp_path / "poses.csv") as add_row:
+        add_row(held)
+    assert ",True,held by the photos before," in (tmp_path / "poses.csv").read_text()
 
 
 def test_noise_is_refused(locator: Locator, tmp_path: Path) -> None:

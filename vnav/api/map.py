@@ -157,16 +157,18 @@ class Map:
         *,
         camera: CameraSource = None,
         config: ConfigSource = None,
+        sequence: bool = False,
     ) -> Iterator[PhotoAnswer | UnreadablePhoto]:
         """The answer to each photo before the next is asked for, of a source that may never end.
 
         The map is loaded at once. A photo that is still being written is waited for. One that
-        cannot be asked is named with the reason.
+        cannot be asked is named with the reason. ``sequence``: they are taken one after the other,
+        and where the ones before were taken helps; what it holds is said to be so.
         """
         from vnav.stages.locate import locate_each
 
         locator = self._locator(config_of(config), photo_camera_of(camera))
-        return locate_each(locator, map(Path, photos))
+        return locate_each(locator, map(Path, photos), sequence=sequence)
 
     def plan(
         self,

@@ -607,6 +607,12 @@ class LocateConfig(Section, path="locate"):
         "probability",
         "least probability that the pose is right; with less none is given",
     )
+    sequence_step_m: float = number(
+        2.0,
+        "(0, 1000]",
+        "m",
+        "how far the camera moves, as a rule, from one photo of a sequence to the next",
+    )
 
 
 @dataclass(frozen=True)

@@ -3,17 +3,21 @@
 import numpy as np
 
 from vnav.localisation.hypotheses.hypothesise import hypothesise
+from vnav.localisation.prior import PlacePrior
 from vnav.localisation.query import Query, min_matches
 from vnav.localisation.search.candidates import search, search_repeated
 from vnav.localisation.verdict.decision import Located, NotLocated, decide
 from vnav.localisation.verification.verify import confirmed, verify
 
 
-def localise(query: Query, rng: np.random.Generator) -> Located | NotLocated:
+def localise(
+    query: Query, rng: np.random.Generator, prior: PlacePrior | None = None
+) -> Located | NotLocated:
     """Where the photo was taken, or why that cannot be said; never a guess.
 
     A second round looks for rivals: other places that the features of a confirmed pose match as
-    well. Without one, the map may repeat itself, and all features are tried.
+    well. Without one, the map may repeat itself, and all features are tried. ``prior``: of the
+    photos before; it has a say in the verdict alone, on poses that were found without it.
     """
     features = query.photo.features
     if len(features) < query.config.min_features:
@@ -24,4 +28,4 @@ def localise(query: Query, rng: np.random.Generator) -> Located | NotLocated:
     asked = best.matches.feature if best else np.arange(len(features))
     repeated = search_repeated(asked, min_matches(poses), query)
     poses += verify(hypothesise(repeated.candidates, poses, query, rng), query, rng)
-    return decide(poses, searched if best else repeated, query)
+    return decide(poses, searched if best else repeated, query, prior)

@@ -10,7 +10,7 @@ import numpy as np
 
 from vnav.core import se3
 from vnav.errors import VnavError
-from vnav.localisation.verdict.answer import PhotoAnswer, UnreadablePhoto
+from vnav.localisation.verdict.answer import HELD, PhotoAnswer, UnreadablePhoto
 
 CSV_HEADER = (
     *("photo", "located", "reason", "tx", "ty", "tz", "qx", "qy", "qz", "qw"),
@@ -66,5 +66,5 @@ def _row(answer: PhotoAnswer | UnreadablePhoto) -> list[Any]:
         numbers = [*T[:3, 3], *se3.quat_xyzw(T), *sigmas.position_m]
         numbers.append(np.rad2deg(np.linalg.norm(sigmas.rotation_rad)))
         pose = [f"{number:.6f}" for number in numbers]
-    located = answer.best is not None
-    return [answer.path, located, answer.reason, *pose, result.matches, result.inliers]
+    located, reason = answer.best is not None, HELD if answer.held_by_prior else answer.reason
+    return [answer.path, located, reason, *pose, result.matches, result.inliers]

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from vnav.checking.quality import BLURRED, DARK, blur
 from vnav.compiled.descriptors import load_compiled
-from vnav.config import Config, FeaturesConfig, updated
+from vnav.config import Config, FeaturesConfig, LocateConfig, updated
 from vnav.core.camera import Intrinsics, PhotoCamera
 from vnav.core.frame import Features
 from vnav.core.progress import Progress, silent
@@ -37,6 +37,7 @@ from vnav.io.store.tree_file import load_tree
 from vnav.localisation.database import LandmarkDatabase
 from vnav.localisation.localise import localise
 from vnav.localisation.photo import prepare
+from vnav.localisation.prior import PlacePrior
 from vnav.localisation.query import Query, missing_levels
 from vnav.localisation.verdict.answer import IMAGE, PhotoAnswer, UnreadablePhoto, summary
 from vnav.localisation.verdict.decision import Located, NotLocated
@@ -77,10 +78,12 @@ class Locator:
         return cls(database, cameras, features, config, camera)
 
     @one_blas_thread
-    def locate(self, photo: Path | NDArray[np.uint8]) -> PhotoAnswer:
+    def locate(
+        self, photo: Path | NDArray[np.uint8], prior: PlacePrior | None = None
+    ) -> PhotoAnswer:
         """Where a photo, a file or an image (H, W, 3) RGB, was taken.
 
-        PhotoError or CameraError where it cannot be asked.
+        ``prior``: where it follows others. PhotoError or CameraError where it cannot be asked.
         """
         clock = [time.monotonic()]
         path = photo if isinstance(photo, Path) else None
@@ -91,25 +94,31 @@ class Locator:
         image = scaled_down(image, self._longest_px(camera.intrinsics))
         features = self._front_end.extract(brightened(image))
         clock.append(time.monotonic())
-        query, result = self._asked(features, camera, image)
+        query, result = self._asked(features, camera, image, prior)
         if camera.source == "exif" and not _bears_out(result, query):
             camera = estimated_camera(size)
-            query, result = self._asked(features, camera, image)
+            query, result = self._asked(features, camera, image, prior)
         clock.append(time.monotonic())
         spent = np.round(np.diff(clock), 4).tolist()
         seconds = dict(zip(("read", "features", "search_and_pose"), spent, strict=True))
         answer = _answer(path or IMAGE, image, camera, query, result, seconds)
+        answer = dataclasses.replace(answer, prior=prior)
         log.info(summary(answer))
         return answer
 
     def _asked(
-        self, features: Features, camera: PhotoCamera, image: NDArray[np.uint8]
+        self,
+        features: Features,
+        camera: PhotoCamera,
+        image: NDArray[np.uint8],
+        prior: PlacePrior | None,
     ) -> tuple[Query, Located | NotLocated]:
         """What is asked of a photo's features by a camera, and the answer."""
         intrinsics = camera.intrinsics.scaled(image.shape[1], image.shape[0])
         prepared = prepare(features, intrinsics, camera.focal_sigma, self.database.tree)
         query = Query(prepared, self.database, self.config.locate)
-        return query, localise(query, np.random.default_rng(self.config.seed))
+        rng = np.random.default_rng(self.config.seed)
+        return query, localise(query, rng, prior)
 
     @cached_property
     def _front_end(self) -> FrontEnd:
@@ -145,18 +154,38 @@ def locate(
 
 
 def locate_each(
-    locator: Locator, photos: Iterable[Path]
+    locator: Locator, photos: Iterable[Path], *, sequence: bool = False
 ) -> Iterator[PhotoAnswer | UnreadablePhoto]:
-    """The answer to each photo before the next is asked for; those being written are waited for."""
+    """The answer to each photo before the next is asked for; those being written are waited for.
+
+    ``sequence``: they are taken one after the other, so that each tells of the next.
+    """
+    prior: PlacePrior | None = None
     for path in photos:
         wait_until_written(path)
-        yield _asked_of(locator, path)
+        answer = _asked_of(locator, path, prior)
+        yield answer
+        prior = _prior_after(answer, prior, locator.config.locate) if sequence else None
 
 
-def _asked_of(locator: Locator, path: Path) -> PhotoAnswer | UnreadablePhoto:
+def _prior_after(
+    answer: PhotoAnswer | UnreadablePhoto, before: PlacePrior | None, config: LocateConfig
+) -> PlacePrior | None:
+    """What a photo tells of the next one; the longer none was located, the farther it may be."""
+    if isinstance(answer, UnreadablePhoto) or isinstance(answer.result, NotLocated):
+        return before and before.after_another()
+    name, view, sure = str(answer.path), answer.result.best.view, answer.result.confidence
+    if before:
+        return before.after(name, view, sure, alone=not answer.held_by_prior)
+    return PlacePrior(name, view.centre_world, sure, config.sequence_step_m)
+
+
+def _asked_of(
+    locator: Locator, path: Path, prior: PlacePrior | None = None
+) -> PhotoAnswer | UnreadablePhoto:
     """The answer, also where the photo cannot be asked."""
     try:
-        return locator.locate(path)
+        return locator.locate(path, prior)
     except (PhotoError, CameraError) as error:
         return UnreadablePhoto(path, str(error))
 

@@ -7,6 +7,7 @@ from vnav.config import LocateConfig
 from vnav.core import se3
 from vnav.localisation.matches import Matches, no_matches
 from vnav.localisation.photo import prepare
+from vnav.localisation.prior import PlacePrior
 from vnav.localisation.query import Query
 from vnav.localisation.search.candidates import SearchResult
 from vnav.localisation.verdict.decision import Located, NotLocated, decide
@@ -21,6 +22,18 @@ def query(world) -> Query:
     features, _ = world.seen(world.looking((0, 0, 1.4), 0), world.things, np.random.default_rng(0))
     photo = prepare(features, world.camera, 0.0, world.database.tree)
     return Query(photo, world.database, LocateConfig())
+
+
+@pytest.fixture
+def wide(query) -> Query:
+    """The same of a map whose keyframes are in two places, at x = 0 and at x = 5."""
+    index = query.database.index
+    T = index.T_world_keyframe.copy()
+    T[:, :3, 3] = (0.0, 0.0, 1.4)
+    T[::2, 0, 3] = 5.0
+    return replace(
+        query, database=replace(query.database, index=replace(index, T_world_keyframe=T))
+    )
 
 
 def pose_at(query, x, found) -> VerifiedPose:
@@ -58,6 +71,53 @@ def test_two_places_that_are_borne_out_alike_are_ambiguous(query):
     assert isinstance(answer, NotLocated)
     assert answer.reason == "ambiguous"
     np.testing.assert_allclose(answer.chances, 0.5, atol=1e-2)
+
+
+def before(x, **changes) -> PlacePrior:
+    """The photo before was taken there, for sure."""
+    centre = np.array([x, 0.0, 1.4])
+    return replace(PlacePrior("before.jpg", centre, 1.0, step_m=1.0, told=98), **changes)
+
+
+def test_the_photos_before_tell_which_of_two_like_places_it_is(wide):
+    """Whichever has the stronger evidence, and it is told that they did."""
+    for weak, strong in ((8, 9), (9, 9), (9, 8)):
+        poses = [pose_at(wide, 0.0, weak), pose_at(wide, 5.0, strong)]
+        held = decide(poses, SEARCHED, wide, before(0.5))
+        assert isinstance(held, Located)
+        assert held.best is poses[0]
+        assert held.prior is not None
+
+
+def test_what_is_borne_out_by_itself_does_not_need_the_photos_before(wide):
+    """Though they were taken elsewhere."""
+    answer = decide([pose_at(wide, 0.0, 9)], SEARCHED, wide, before(8.0))
+    assert isinstance(answer, Located)
+    assert answer.prior is None
+
+
+def test_the_photos_before_do_not_hold_what_the_photo_does_not_show(wide):
+    answer = decide([pose_at(wide, 0.0, 0)], SEARCHED, wide, before(0.0))
+    assert isinstance(answer, NotLocated)
+
+
+def test_the_photos_before_do_not_hold_a_pose_of_few_matches(wide):
+    """Twice `locate.min_inliers` are 24: chance poses beside the right one have fewer."""
+    for matches, given in ((23, False), (24, True)):
+        poses = [
+            replace(pose, matches=pose.matches[np.arange(matches)])
+            for pose in (pose_at(wide, 0.0, 9), pose_at(wide, 5.0, 9))
+        ]
+        assert isinstance(decide(poses, SEARCHED, wide), NotLocated)
+        assert isinstance(decide(poses, SEARCHED, wide, before(0.0)), Located) == given
+
+
+def test_an_unsure_photo_before_does_not_decide_between_like_places(wide):
+    """Its confidence of 0.6 leaves the other place 0.4."""
+    poses = [pose_at(wide, 0.0, 9), pose_at(wide, 5.0, 9)]
+    unsure = decide(poses, SEARCHED, wide, before(0.0, confidence=0.6))
+    assert isinstance(unsure, NotLocated)
+    assert unsure.reason == "ambiguous"
 
 
 def test_a_place_that_shows_one_corner_of_the_photo_is_no_rival_of_one_that_shows_all(query):

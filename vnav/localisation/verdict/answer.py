@@ -10,12 +10,14 @@ from vnav.core import se3
 from vnav.core.arrays import Array
 from vnav.core.camera import PhotoCamera
 from vnav.localisation.photo import Photo
+from vnav.localisation.prior import PlacePrior
 from vnav.localisation.verdict.decision import Located, NotLocated
 from vnav.localisation.verdict.uncertainty import Sigmas
 from vnav.localisation.verification.verify import VerifiedPose
 from vnav.localisation.view import View
 
 IMAGE = Path("image")
+HELD = "held by the photos before"  # what is said of a pose that is not given without them
 UNLIKELY = 0.02  # places of an ambiguous photo that are not worth telling
 
 
@@ -25,7 +27,7 @@ class PhotoAnswer:
 
     ``photo`` is what was searched: features and intrinsics of the scaled and undistorted image;
     ``camera`` belongs to the file; ``path`` is its name, or ``IMAGE`` for pixels
-    that have none.
+    that have none. ``prior``: that of a photo that follows others, whether it was needed or not.
     """
 
     path: Path
@@ -35,6 +37,7 @@ class PhotoAnswer:
     reason: str
     warnings: tuple[str, ...]
     seconds: dict[str, float]
+    prior: PlacePrior | None = None
 
     @property
     def located(self) -> bool:
@@ -50,6 +53,11 @@ class PhotoAnswer:
     def best(self) -> VerifiedPose | None:
         """The pose that is given, if one is."""
         return self.result.best if isinstance(self.result, Located) else None
+
+    @property
+    def held_by_prior(self) -> bool:
+        """Whether a pose is given that is not without the photos before."""
+        return isinstance(self.result, Located) and self.result.prior is not None
 
     @property
     def sigmas(self) -> Sigmas | None:
@@ -81,8 +89,15 @@ class PhotoAnswer:
                 _pose(h.view) | {"inliers": h.inliers, "probability": round(chance, 4)}
                 for h, chance in zip(self.result.hypotheses, self.result.chances, strict=True)
             ],
+            **self._prior(),
             "seconds": self.seconds,
         }
+
+    def _prior(self) -> dict[str, Any]:
+        """What the photos before told, and whether the pose is not given without it."""
+        if self.prior is None:
+            return {}
+        return {"prior": self.prior.as_dict() | {"needed": self.held_by_prior}}
 
     def _intrinsics(self, view: View) -> dict[str, Any]:
         """The camera of the file, its focal length as it came out."""
@@ -124,6 +139,7 @@ def summary(answer: PhotoAnswer | UnreadablePhoto) -> str:
     return (
         f"{answer.path}: at {x:.3f} {y:.3f} {z:.3f} m, heading {heading_deg:.0f} deg,"
         f" {sigmas}; {best.inliers} inliers, camera {answer.camera.source}"
+        f"{f'; {HELD}' if answer.held_by_prior else ''}"
     )
 
 

@@ -7,6 +7,7 @@ import numpy as np
 
 from vnav.core import se3
 from vnav.core.frame import Rejected
+from vnav.localisation.prior import PlacePrior
 from vnav.localisation.query import Query, min_matches
 from vnav.localisation.search.candidates import SearchResult
 from vnav.localisation.verdict.uncertainty import Sigmas, sigmas
@@ -14,6 +15,7 @@ from vnav.localisation.verification.evidence import posterior
 from vnav.localisation.verification.verify import VerifiedPose
 from vnav.localisation.view import View
 
+HELD_INLIERS = 2.0  # of a pose that only the photos before hold, over `locate.min_inliers`
 NEAR_M, NEAR_RAD = 0.25, np.deg2rad(10.0)  # what counts as the same place
 
 
@@ -22,7 +24,7 @@ class Located:
     """The answer, every hypothesis with the answer first, and how many matches the search found.
 
     ``chances``: probability of each hypothesis' place; ``confidence``: that the pose is within
-    25 cm and 10 degrees.
+    25 cm and 10 degrees. ``prior``: of the photos before, where no pose is given without it.
     """
 
     best: VerifiedPose
@@ -31,6 +33,7 @@ class Located:
     matches: int
     sigmas: Sigmas
     confidence: float
+    prior: PlacePrior | None = None
 
     @property
     def inliers(self) -> int:
@@ -47,16 +50,38 @@ class NotLocated(Rejected):
 
 
 def decide(
-    poses: Sequence[VerifiedPose], searched: SearchResult, query: Query
+    poses: Sequence[VerifiedPose],
+    searched: SearchResult,
+    query: Query,
+    prior: PlacePrior | None = None,
 ) -> Located | NotLocated:
-    """The best pose, if the photo was taken there as good as surely, and how exact it is."""
+    """The best pose, if the photo was taken there as good as surely, and how exact it is.
+
+    A prior of the photos before is asked only where the photo alone has no answer.
+    """
+    alone = _judged(poses, searched, query, None)
+    if prior is None or isinstance(alone, Located):
+        return alone
+    held = _judged(poses, searched, query, prior)
+    return held if isinstance(held, Located) else alone
+
+
+def _judged(
+    poses: Sequence[VerifiedPose], searched: SearchResult, query: Query, prior: PlacePrior | None
+) -> Located | NotLocated:
+    """By what the photo shows, and by the prior where there is one."""
     matches, wanted = len(searched.matches), query.config.min_confidence
     if not poses and searched.votes < query.config.min_inliers:
         return NotLocated("too few matches", matches)
     places = _distinct_places([pose for pose in poses if pose.inliers >= min_matches(poses)])
-    chances = tuple(posterior([place.evidence for place in places]).tolist())
+    odds = prior.odds([place.view for place in places], query.database.index) if prior else 1.0
+    chances = tuple(posterior([place.evidence for place in places], odds).tolist())
+    if prior:  # the strongest evidence need not be the likeliest place
+        order = np.argsort(-np.array(chances), kind="stable")
+        places, chances = tuple(places[k] for k in order), tuple(chances[k] for k in order)
     inliers = places[0].inliers if places else 0
-    if sum(chances) < wanted:
+    too_few = prior is not None and inliers < HELD_INLIERS * query.config.min_inliers
+    if sum(chances) < wanted or too_few:
         return NotLocated("no consistent pose", matches, inliers, places, chances)
     if chances[0] < wanted:
         return NotLocated("ambiguous", matches, inliers, places, chances)
@@ -65,7 +90,7 @@ def decide(
     if confidence < wanted:
         reason = f"the pose is too uncertain: {error}"
         return NotLocated(reason, matches, inliers, places, chances)
-    return Located(places[0], places, chances, matches, error, confidence)
+    return Located(places[0], places, chances, matches, error, confidence, prior)
 
 
 def _distinct_places(poses: Sequence[VerifiedPose]) -> tuple[VerifiedPose, ...]:

@@ -94,15 +94,17 @@ def evidence(cells: NDArray[np.intp], odds: Odds = Odds()) -> Evidence:
     return Evidence(right, rival, unmapped)
 
 
-def posterior(places: Sequence[Evidence]) -> Array:
+def posterior(places: Sequence[Evidence], odds: Array | float = 1.0) -> Array:
     """Probability (P,) of each place, the best first, that the photo was taken there.
 
-    Either one place is right and the others are rivals, or none is. 0 places are legal.
+    Either one place is right and the others are rivals, or none is. 0 places are legal. ``odds``
+    (P,): how much likelier a right pose is there than a chance one, before the photo is seen.
     """
     if not places:
         return np.zeros(0)
     rivals = np.sum([place.rival for place in places], axis=0)
-    right = [place.right - place.rival for place in places]
+    log_odds = np.broadcast_to(np.log(odds), len(places))
+    right = [p.right - p.rival + prior for p, prior in zip(places, log_odds, strict=True)]
     none = places[0].elsewhere - places[0].rival + np.log(TRIES)
     scores = _log_sum((rivals + np.stack([*right, none]) + LOG_PRIOR).T)
     return np.asarray(np.exp(scores - _log_sum(scores))[:-1])
