@@ -131,9 +131,9 @@ def locate(
         loaded()
     with shown, photo_table(csv_file) as add_row:
         for answer in answers:
+            add_row(answer)
             shown.add(answer)
             _draw(mapped, answer, pictures)
-            add_row(answer)
     return shown.exit_code
 
 
