@@ -78,7 +78,7 @@ bench-real: setup
 	-$(BIN)/python benchmarks/front_ends.py bench/front_ends $(CAPTURES) $(DESK) --record
 	$(BIN)/python benchmarks/corners.py $(CAPTURES) $(DESK) --record
 	$(BIN)/python benchmarks/patent.py --record
-	-$(BIN)/python benchmarks/ekf_windows.py ../shared/captures/house $(DESK) --record
+	-$(BIN)/python benchmarks/ekf_windows.py ../shared/captures/house $(DESK) --people bench/people/captures/*people[123]* --record
 	$(BIN)/python benchmarks/trackers.py --record
 	$(BIN)/python benchmarks/hard_versions.py $(CAPTURES) --out bench
 	-$(BIN)/vnav evaluate bench/hard.toml --out bench/hard

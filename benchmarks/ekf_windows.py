@@ -1,12 +1,13 @@
 """The filter on windows of captures, with depth and without, beside the figures of its source.
 
-    python benchmarks/ekf_windows.py CAPTURE... [--ways ekf mono] [--record]
+    python benchmarks/ekf_windows.py CAPTURE... [--ways ekf mono] [--people CAPTURE...] [--record]
 
 Each CAPTURE has its truth. With depth, windows of 100 frames begin at 0, 100, ... 400, as those of
 [000 section 4] are 100 frames: frames with a pose, and distances after SE(3) alignment, also as a
-share of the way. Without depth, two windows of 300 frames: ATE after Sim(3) alignment. Draws of
-one-point RANSAC are those that were made; of five matches, those that the share of features that
-were matched in the end would ask for. Exit code 1 where something wanted is missed.
+share of the way. Without depth, two windows of 300 frames: ATE after Sim(3) alignment. Walks past
+people, such as benchmarks/people.py renders, are followed whole, without depth. Draws of one-point
+RANSAC are those that were made; of five matches, those that the share of features that were matched
+in the end would ask for. Exit code 1 where something wanted is missed.
 """
 
 import argparse
@@ -41,6 +42,7 @@ MOST_PERCENT = {  # of the way; of other captures nothing is wanted
     "ekf": {"house": 1.0, "fr1_desk": 1.5},
     "mono": {"house": 3.0, "fr1_desk": 5.0},
 }
+MOST_PERCENT_PEOPLE = 7.0
 MAX_DIFFERENCE_S = 0.02
 SOURCE = (  # [000 section 4]: frames, mean cm, max cm, mean % of the way
     ("475 to 574", 1.1, 3.5, 0.5),
@@ -96,10 +98,15 @@ def draws_of(window: Window) -> tuple[float, float]:
     return float(np.median([one.draws for one in window.followed])), float(np.median(five))
 
 
-def measured(capture: FolderCapture, truth: Trajectory, way: str) -> Iterator[Measurement]:
-    """All windows of a capture."""
-    most = MOST_PERCENT[way].get(capture.name)
-    for first, last in WINDOWS[way]:
+def measured(
+    capture: FolderCapture,
+    truth: Trajectory,
+    way: str,
+    windows: Sequence[tuple[int, int]],
+    most: float | None,
+) -> Iterator[Measurement]:
+    """Windows of a capture; ``most``: of the way in per cent, that the error may be."""
+    for first, last in windows:
         window = follow(capture, way, first, min(last, len(capture)))
         found, frames = scored(window, truth, ALIGN[way]), len(window.odometry.frames)
         on, what = f"{capture.name}, {first} to {last - 1}", f"vnav, {way}"
@@ -128,17 +135,27 @@ def of_the_source() -> Iterator[Measurement]:
         yield Measurement(on, what, "mean of the way", percent, "%")
 
 
+def opened(folder: Path) -> tuple[FolderCapture, Trajectory]:
+    """A capture, and its truth."""
+    return open_capture(folder, CaptureConfig()), read_truth(folder, CaptureConfig())
+
+
 def main(arguments: Sequence[str] | None = None) -> int:
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     parser.add_argument("captures", type=Path, nargs="+", metavar="CAPTURE")
     parser.add_argument("--ways", nargs="+", choices=list(WINDOWS), default=list(WINDOWS))
+    parser.add_argument("--people", type=Path, nargs="+", default=[], metavar="CAPTURE")
     add_record_option(parser)
     asked = parser.parse_args(arguments)
     found: list[Measurement] = []
     for folder in asked.captures:
-        capture = open_capture(folder, CaptureConfig())
-        truth = read_truth(folder, CaptureConfig())
-        found += [m for way in asked.ways for m in measured(capture, truth, way)]
+        capture, truth = opened(folder)
+        for way in asked.ways:
+            most = MOST_PERCENT[way].get(capture.name)
+            found += measured(capture, truth, way, WINDOWS[way], most)
+    for folder in asked.people:
+        capture, truth = opened(folder)
+        found += measured(capture, truth, "mono", [(0, len(capture))], MOST_PERCENT_PEOPLE)
     return conclude("ekf_windows", [*found, *of_the_source()], asked, arguments)
 
 
