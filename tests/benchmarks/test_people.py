@@ -10,7 +10,7 @@ from vnav.core import se3
 from vnav.core.point_cloud import Mesh
 from vnav.synthetic import Box, Scene
 from vnav.synthetic.raycast import Rectangles
-from vnav.volumes.octree import Leaves, Octree
+from vnav.volumes.octree import Leaves, Octree, Scans
 
 CELL_M = 0.05
 
@@ -28,10 +28,9 @@ def block() -> Scene:
 
 
 def octree_of(points: np.ndarray) -> Octree:
-    tree = Octree(CELL_M)
-    tree.insert(points, np.array([2.5, 0.2, 1.2]))
-    tree.settle()
-    return tree
+    scans = Scans(CELL_M)
+    scans.insert(points, np.array([2.5, 0.2, 1.2]))
+    return scans.octree()
 
 
 def square(x: float, y: float, z: float, size_m: float) -> np.ndarray:

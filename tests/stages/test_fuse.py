@@ -106,7 +106,7 @@ def test_cloud_mesh_and_octree_agree_on_the_floor(fused_map: Path) -> None:
     # Half the octree's voxel: all three show the same floor, noise far below that at its range.
     cloud = read_cloud(fused_map / "fuse" / "cloud.ply").points_world
     mesh = read_mesh(fused_map / "fuse" / "mesh.ply").vertices_world
-    leaves = Octree.read(fused_map / "fuse" / "occupancy.ot").most_likely().leaves()
+    leaves = Octree.read(fused_map / "fuse" / "occupancy.ot").most_likely.leaves()
     occupied = leaves.centres_world[leaves.occupied]
     for points in (cloud, mesh, occupied):
         low = points[np.abs(points[:, 2]) < 0.1, 2]

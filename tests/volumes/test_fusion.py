@@ -82,7 +82,7 @@ def of_what_came(points: np.ndarray) -> int:
 
 
 def occupied(fused: FusedVolumes) -> np.ndarray:
-    leaves = fused.octree.most_likely().leaves()
+    leaves = fused.octree.most_likely.leaves()
     return leaves.centres_world[leaves.occupied]
 
 

@@ -3,11 +3,12 @@
 from pathlib import Path
 
 import numpy as np
+import octomap
 import pytest
 
 from vnav.errors import MapError
 from vnav.volumes import octree as module
-from vnav.volumes.octree import Octree
+from vnav.volumes.octree import Octree, Scans
 
 SENSOR = np.array([0.05, 0.05, 0.05])
 
@@ -20,11 +21,10 @@ def wall_of(x: float, side: int = 5) -> np.ndarray:
 
 
 def tree_of(*scans: np.ndarray) -> Octree:
-    octree = Octree(0.1)
+    together = Scans(0.1)
     for points in scans:
-        octree.insert(points, SENSOR)
-    octree.settle()
-    return octree
+        together.insert(points, SENSOR)
+    return together.octree()
 
 
 def state_at(octree: Octree, point: list[float]) -> str:
@@ -51,6 +51,42 @@ def test_every_point_of_a_scan_is_occupied_whatever_rays_cross_it() -> None:
     assert leaves.occupied.sum() == len(grazed)
 
 
+def scans_at_random(rng: np.random.Generator, cell_m: float) -> list[tuple[np.ndarray, ...]]:
+    """Points about a moving sensor: anywhere, on borders of voxels, along axes, far outside."""
+    found = []
+    for _ in range(12):
+        sensor = rng.normal(size=3)
+        points = sensor + rng.normal(size=(400, 3)) * rng.choice([0.05, 0.5, 3.0], (400, 1))
+        points[:50] = np.rint(points[:50] / cell_m) * cell_m
+        points[50:70, :2] = sensor[:2]
+        points[70] = sensor
+        points[71:73] = [[1e6, 0, 0], [0, -1e6, 0]]
+        found.append((points, sensor))
+    return [*found, (points, np.array([1e7, 0.0, 0.0])), (points[:0], sensor)]
+
+
+@pytest.mark.parametrize("cell_m", [0.05, 0.1, 1 / 30, 0.37])
+def test_scans_make_the_very_tree_that_octomap_makes_of_them(cell_m: float) -> None:
+    together, peer = Scans(cell_m), octomap.OcTree(cell_m)
+    for points, sensor in scans_at_random(np.random.default_rng(0), cell_m):
+        together.insert(points, sensor)
+        peer.insertPointCloud(points, sensor, lazy_eval=True)
+    peer.updateInnerOccupancy()
+    tree = together.octree()
+    assert tree._tree.write() == peer.write()
+    assert tree.most_likely._tree.writeBinary() == peer.writeBinary()
+
+
+def test_a_voxel_that_is_hit_and_missed_often_stays_within_octomaps_limits(tmp_path: Path) -> None:
+    seen = [wall_of(1.05)] * 9 + [wall_of(2.05)] * 12 + [wall_of(1.05)] * 2
+    peer = octomap.OcTree(0.1)
+    for points in seen:
+        peer.insertPointCloud(points, SENSOR, lazy_eval=True)
+    peer.updateInnerOccupancy()
+    tree_of(*seen).write(tmp_path / "tree.ot")
+    assert (tmp_path / "tree.ot").read_bytes() == peer.write()
+
+
 def test_what_later_scans_see_through_becomes_free() -> None:
     octree = tree_of(wall_of(1.05), *[wall_of(2.05)] * 5)
     assert state_at(octree, [1.05, 0.05, 0.05]) == "free"
@@ -58,7 +94,7 @@ def test_what_later_scans_see_through_becomes_free() -> None:
 
 def test_leaves_of_the_most_likely_tree_cover_the_same_states() -> None:
     octree = tree_of(wall_of(1.05, 15), *[wall_of(2.05, 15)] * 2)
-    likely = octree.most_likely()
+    likely = octree.most_likely
     assert len(likely.leaves()) < len(octree.leaves())
     volume = [
         [(leaves.size_m[leaves.occupied == state] ** 3).sum() for state in (True, False)]
@@ -68,8 +104,8 @@ def test_leaves_of_the_most_likely_tree_cover_the_same_states() -> None:
 
 
 def test_an_empty_tree_has_no_leaves() -> None:
-    assert len(Octree(0.1).leaves()) == 0
-    assert len(Octree(0.1).most_likely().leaves()) == 0
+    assert len(Scans(0.1).octree().leaves()) == 0
+    assert len(Scans(0.1).octree().most_likely.leaves()) == 0
 
 
 @pytest.mark.parametrize("name", ["tree.ot", "tree.bt"])
@@ -78,7 +114,7 @@ def test_a_file_is_read_back(name: str, tmp_path: Path) -> None:
     octree.write(tmp_path / name)
     again = Octree.read(tmp_path / name)
     assert again.resolution_m == 0.1
-    expected, found = octree.most_likely().leaves(), again.most_likely().leaves()
+    expected, found = octree.most_likely.leaves(), again.most_likely.leaves()
     np.testing.assert_array_equal(expected.centres_world, found.centres_world)
     np.testing.assert_array_equal(expected.occupied, found.occupied)
 

@@ -130,7 +130,7 @@ class PosedFrames:
 
 def _leaves(octree: Octree, config: FuseConfig) -> Leaves:
     """The most likely state of all that was seen; MapError where nothing was."""
-    leaves = octree.most_likely().leaves()
+    leaves = octree.most_likely.leaves()
     if not len(leaves):
         raise MapError(
             "expected depth in the frames to fuse, found none within"

@@ -14,7 +14,7 @@ from vnav.core.point_cloud import Mesh, PointCloud
 from vnav.core.progress import Progress, silent
 from vnav.volumes.cloud import VoxelCloud, filter_depth, voxels_of
 from vnav.volumes.departed import DepthHistory
-from vnav.volumes.octree import Octree
+from vnav.volumes.octree import Octree, Scans
 
 
 @dataclass(frozen=True)
@@ -50,7 +50,7 @@ def fuse(
     """
     from vnav.volumes.tsdf import TsdfVolume
 
-    cloud, octree = VoxelCloud(config.voxel_m), Octree(config.octree_m)
+    cloud, scans = VoxelCloud(config.voxel_m), Scans(config.octree_m)
     volume = TsdfVolume(config.mesh_voxel_m, config.max_range_m)
     departed = [np.zeros((0, 3))]
     for k, view in enumerate(views):
@@ -59,7 +59,7 @@ def fuse(
         places = seen[first]
         gone = history.departed_since(k, places.points_world, places.depth_m)
         departed.append(places.points_world[gone])
-        octree.insert(places.points_world[~gone], view.T_world_camera[:3, 3])
+        scans.insert(places.points_world[~gone], view.T_world_camera[:3, 3])
 
         seen = seen[~gone[voxel]]
         stride = max(1, int(config.voxel_m * frame.intrinsics.fx / config.max_range_m))
@@ -68,10 +68,9 @@ def fuse(
         depth_m = seen.image(frame.depth_m.shape)
         volume.integrate(depth_m, frame.color, frame.intrinsics, view.T_world_camera)
         progress("fuse", k + 1, len(history))
-    octree.settle()
     points = np.concatenate(departed)
     points = points[voxels_of(points, config.octree_m)[0]]
-    return FusedVolumes(cloud.cloud(), octree, volume.mesh(), points)
+    return FusedVolumes(cloud.cloud(), scans.octree(), volume.mesh(), points)
 
 
 @dataclass(frozen=True)

@@ -5,6 +5,7 @@ that its rays pass through free; log-odds are summed, clamped, and thresholded a
 """
 
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +14,8 @@ from numpy.typing import NDArray
 
 from vnav.core.arrays import frozen
 from vnav.errors import MEND, MapError, VnavError
+from vnav.volumes.log_odds import Odds, VoxelLogOdds
+from vnav.volumes.tree_nodes import tree_nodes
 
 BINARY_HEADER = b"# Octomap OcTree binary file"
 HEADER = b"# Octomap OcTree file"
@@ -40,11 +43,38 @@ class Leaves:
         return len(self.occupied)
 
 
+class Scans:
+    """Scans in voxels of ``resolution_m``, which become an octree."""
+
+    def __init__(self, resolution_m: float) -> None:
+        self._empty = octomap.OcTree(resolution_m)
+        ask = self._empty
+        odds = ask.getProbHitLog(), ask.getProbMissLog()
+        limits = ask.getClampingThresMinLog(), ask.getClampingThresMaxLog()
+        self._voxels = VoxelLogOdds(resolution_m, Odds(*map(np.float32, odds + limits)))
+
+    def insert(
+        self, points_world: NDArray[np.floating], sensor_world: NDArray[np.floating]
+    ) -> None:
+        """Add one scan: its points (N, 3), and the sensor (3,) that all its rays start from.
+
+        Within a scan a voxel that holds a point is occupied whatever rays cross it, so one point
+        a voxel does.
+        """
+        self._voxels.insert(points_world, sensor_world)
+
+    def octree(self) -> "Octree":
+        """What octomap makes of the same scans, inner nodes up to date, nothing pruned."""
+        nodes = tree_nodes(*self._voxels.known())
+        header = self._empty.write().replace(b"size 0\n", b"size %d\n" % len(nodes))
+        return Octree(octomap.OcTree.read(header + nodes.tobytes()))
+
+
 class Octree:
     """Occupancy of space in voxels of ``resolution_m``."""
 
-    def __init__(self, resolution_m: float) -> None:
-        self._tree = octomap.OcTree(resolution_m)
+    def __init__(self, tree: octomap.OcTree) -> None:
+        self._tree = tree
 
     @classmethod
     def read(cls, path: Path) -> "Octree":
@@ -68,26 +98,12 @@ class Octree:
         """Edge of the smallest voxels."""
         return float(self._tree.getResolution())
 
-    def insert(
-        self, points_world: NDArray[np.floating], sensor_world: NDArray[np.floating]
-    ) -> None:
-        """Add one scan: its points (N, 3), and the sensor (3,) that all its rays start from.
-
-        Within a scan a voxel that holds a point is occupied whatever rays cross it, so one point
-        a voxel does. Call `settle` after the last scan.
-        """
-        points = np.ascontiguousarray(points_world, float)
-        self._tree.insertPointCloud(points, np.array(sensor_world, float), lazy_eval=True)
-
-    def settle(self) -> None:
-        """Bring the inner nodes up to date with the voxels."""
-        self._tree.updateInnerOccupancy()
-
     def write(self, path: Path) -> None:
         """Write an .ot file, which holds log-odds, or a .bt file, which holds states only."""
         binary = path.suffix == ".bt"
-        path.write_bytes(self.most_likely()._tree.writeBinary() if binary else self._tree.write())
+        path.write_bytes(self.most_likely._tree.writeBinary() if binary else self._tree.write())
 
+    @cached_property
     def most_likely(self) -> "Octree":
         """A copy whose voxels are surely occupied or free, equal neighbours made one cube."""
         copy = self._from_bytes(self._tree.write())
@@ -110,30 +126,38 @@ class Octree:
     @classmethod
     def _from_bytes(cls, content: bytes) -> "Octree":
         """ValueError where the content is not what octomap would write itself."""
-        octree = cls(1.0)
         if content.startswith(BINARY_HEADER):
-            whole = octree._tree.readBinary(content) and octree._tree.writeBinary() == content
+            tree = octomap.OcTree(1.0)
+            whole = tree.readBinary(content) and tree.writeBinary() == content
         elif content.startswith(HEADER):
-            octree._tree = octomap.OcTree.read(content)
-            whole = octree._tree.write() == content
+            tree = octomap.OcTree.read(content)
+            whole = tree.write() == content
         else:
             whole = False
         if not whole:
             raise ValueError("not a whole octree")
-        return octree
+        return cls(tree)
 
 
 def self_test() -> None:
-    """Insert a scan of a wall and read it back; VnavError where octomap gets it wrong."""
-    octree = Octree(0.1)
+    """Insert a scan of a wall, as octomap does and here; VnavError where they differ or err."""
+    scans, peer = Scans(0.1), octomap.OcTree(0.1)
+    sensor = np.array([0.05, 0.0, 0.0])
     wall = np.array([[1.05, y, z] for y in (-0.05, 0.05) for z in (-0.05, 0.05)])
-    octree.insert(wall, np.array([0.05, 0.0, 0.0]))
-    octree.settle()
-    leaves = octree.most_likely().leaves()
+    scans.insert(wall, sensor)
+    peer.insertPointCloud(wall, sensor, lazy_eval=True)
+    peer.updateInnerOccupancy()
+    octree = scans.octree()
+    leaves = octree.most_likely.leaves()
     occupied = leaves.centres_world[leaves.occupied]
     seen = occupied[np.lexsort(occupied.T[::-1])]
     if seen.shape != wall.shape or not np.allclose(seen, wall) or leaves.occupied.all():
         raise VnavError(
             f"expected octomap to mark a wall of 4 voxels and free space before it, found"
             f" {len(seen)} occupied of {len(leaves)} cubes; reinstall octomap-python"
+        )
+    if octree._tree.write() != peer.write():
+        raise VnavError(
+            "expected octomap to insert a scan as vnav does, found another tree; install a version"
+            " of octomap-python that vnav was tested with"
         )
