@@ -77,6 +77,24 @@ def test_scans_make_the_very_tree_that_octomap_makes_of_them(cell_m: float) -> N
     assert tree.most_likely._tree.writeBinary() == peer.writeBinary()
 
 
+def cubes_by_octomap(tree: octomap.OcTree) -> list[tuple[float, ...]]:
+    return [
+        (leaf.getX(), leaf.getY(), leaf.getZ(), leaf.getSize(), leaf.getOccupancy() > 0.5)
+        for leaf in tree.begin_leafs()
+    ]
+
+
+@pytest.mark.parametrize("cell_m", [0.05, 1 / 30])
+def test_leaves_are_the_very_cubes_in_the_order_in_which_octomap_walks_them(cell_m: float) -> None:
+    together = Scans(cell_m)
+    for points, sensor in scans_at_random(np.random.default_rng(1), cell_m)[:4]:
+        together.insert(points, sensor)
+    for octree in (together.octree(), together.octree().most_likely):
+        leaves = octree.leaves()
+        table = np.column_stack([leaves.centres_world, leaves.size_m, leaves.occupied])
+        np.testing.assert_array_equal(table, cubes_by_octomap(octree._tree))
+
+
 def test_a_voxel_that_is_hit_and_missed_often_stays_within_octomaps_limits(tmp_path: Path) -> None:
     seen = [wall_of(1.05)] * 9 + [wall_of(2.05)] * 12 + [wall_of(1.05)] * 2
     peer = octomap.OcTree(0.1)
@@ -146,6 +164,14 @@ def test_something_else_is_no_octree(tmp_path: Path) -> None:
     (tmp_path / "photo.ot").write_bytes(b"\xff\xd8\xff")
     with pytest.raises(MapError, match="3 bytes that are none"):
         Octree.read(tmp_path / "photo.ot")
+
+
+def test_a_tree_of_more_levels_than_octomap_has_is_no_octree(tmp_path: Path) -> None:
+    header = octomap.OcTree(0.1).write().replace(b"size 0", b"size 18")
+    inner, leaf = b"\0\0\0\0\x01", b"\0\0\0\0\0"
+    (tmp_path / "deep.ot").write_bytes(header + 17 * inner + leaf)
+    with pytest.raises(MapError, match="expected a whole octree"):
+        Octree.read(tmp_path / "deep.ot")
 
 
 def test_the_self_test_passes() -> None:

@@ -108,10 +108,10 @@ class DepthHistory:
 
 def _beside(points: Array, chosen: NDArray[np.bool_], within_m: float) -> NDArray[np.bool_]:
     """Which points (N, 3) have a chosen one within a distance."""
-    from scipy.spatial import cKDTree
-
     if not chosen.any():
         return chosen
+    from scipy.spatial import cKDTree
+
     away_m, _ = cKDTree(points[chosen]).query(points, distance_upper_bound=within_m)
     return np.asarray(np.isfinite(away_m))
 

@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 
 from vnav.core.arrays import frozen
 from vnav.errors import MEND, MapError, VnavError
-from vnav.volumes.log_odds import Odds, VoxelLogOdds
-from vnav.volumes.tree_nodes import tree_nodes
+from vnav.volumes.log_odds import KEYS, Odds, VoxelLogOdds
+from vnav.volumes.tree_nodes import DEPTH, NODE, leaf_corners, tree_nodes
 
 BINARY_HEADER = b"# Octomap OcTree binary file"
 HEADER = b"# Octomap OcTree file"
@@ -106,22 +106,20 @@ class Octree:
     @cached_property
     def most_likely(self) -> "Octree":
         """A copy whose voxels are surely occupied or free, equal neighbours made one cube."""
-        copy = self._from_bytes(self._tree.write())
-        copy._tree.writeBinary()  # octomap rounds and prunes the tree itself before it writes it
-        return copy
+        copy = octomap.OcTree.read(self._tree.write())
+        copy.writeBinary()  # octomap rounds and prunes the tree itself before it writes it
+        return Octree(copy)
 
     def leaves(self) -> Leaves:
         """Every cube that was seen; of a tree without scans, none. Order is that of the tree."""
-        if not self._tree.size():
-            return Leaves(np.zeros((0, 3)), np.zeros(0, bool), np.zeros(0))
-        threshold = self._tree.getOccupancyThresLog()
-        rows = (
-            (leaf.getX(), leaf.getY(), leaf.getZ(), leaf.getSize(), leaf.getValue() > threshold)
-            for leaf in self._tree.begin_leafs()
-        )
-        table = np.fromiter(rows, "f8, f8, f8, f8, ?")
-        centres = np.stack([table["f0"], table["f1"], table["f2"]], 1)
-        return Leaves(centres, table["f4"], table["f3"])
+        _, _, content = self._tree.write().partition(b"\ndata\n")
+        nodes = np.frombuffer(content, NODE)
+        corner, level = leaf_corners(nodes)
+        edge = 1 << (DEPTH - level)
+        size_m = edge * np.float64(self.resolution_m)
+        centres = ((corner - KEYS // 2) / edge[:, None] + 0.5) * size_m[:, None]
+        occupied = nodes["log_odds"][nodes["children"] == 0] > self._tree.getOccupancyThresLog()
+        return Leaves(centres, occupied, size_m)
 
     @classmethod
     def _from_bytes(cls, content: bytes) -> "Octree":
@@ -136,7 +134,9 @@ class Octree:
             whole = False
         if not whole:
             raise ValueError("not a whole octree")
-        return cls(tree)
+        octree = cls(tree)
+        octree.leaves()  # ValueError where it has more levels than keys have bits
+        return octree
 
 
 def self_test() -> None:
