@@ -1,7 +1,6 @@
 """The kept frames' depth made one cloud, octree, mesh and grid: claim 3, S8, and claim 5, 3.1."""
 
 from collections.abc import Iterator
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -38,6 +37,7 @@ from vnav.volumes.fusion import FusedVolumes, PosedFrame, fuse
 from vnav.volumes.octree import Leaves, Octree
 
 STAGE = "fuse"
+BESIDE_PX = BLOCK_PX  # of what moves, which its edge reaches into: no depth of it is fused
 
 
 @one_blas_thread
@@ -99,8 +99,8 @@ class PosedFrames:
 
     def __iter__(self) -> Iterator[PosedFrame]:
         for row in self._rows:
-            frame = load_keyframe(self._folder, row, self._frames)
-            yield PosedFrame(replace(frame, depth_m=self._depth(row)), self._poses[row])
+            frame = load_keyframe(self._folder, row, self._frames, BESIDE_PX)
+            yield PosedFrame(frame, self._poses[row])
 
     def walks(self) -> list[Array]:
         """For each capture, the camera's centres (F, 3) at all frames, NaN where not known."""
@@ -113,12 +113,9 @@ class PosedFrames:
         history = DepthHistory(sigma_per_m2, fuse.octree_m, fuse.departed_after)
         for row in self._rows:
             camera = self._cameras[self._frames.capture[row]]
-            history.add(self._depth(row), camera, self._poses[row])
+            depth_m = load_keyframe_depth(self._folder, row, BESIDE_PX)
+            history.add(depth_m, camera, self._poses[row])
         return history
-
-    def _depth(self, row: int) -> NDArray[np.float32]:
-        """Without what moves and the blocks beside it, which its edge reaches into."""
-        return load_keyframe_depth(self._folder, row, BLOCK_PX)
 
     def departed(self, landmarks: Landmarks, history: DepthHistory) -> NDArray[np.bool_]:
         """Which landmarks (L,) have departed since the last keyframe saw them."""

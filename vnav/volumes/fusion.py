@@ -54,19 +54,11 @@ def fuse(
     volume = TsdfVolume(config.mesh_voxel_m, config.max_range_m)
     departed = [np.zeros((0, 3))]
     for k, view in enumerate(views):
-        frame, seen = view.frame, _seen_by(view, config)
-        first, voxel = voxels_of(seen.points_world, config.octree_m)
-        places = seen[first]
-        gone = history.departed_since(k, places.points_world, places.depth_m)
-        departed.append(places.points_world[gone])
-        scans.insert(places.points_world[~gone], view.T_world_camera[:3, 3])
-
-        seen = seen[~gone[voxel]]
-        stride = max(1, int(config.voxel_m * frame.intrinsics.fx / config.max_range_m))
-        sampled = seen[(seen.u % stride == 0) & (seen.v % stride == 0)]  # a point a voxel far away
-        cloud.add(sampled.points_world, frame.color[sampled.v, sampled.u])
-        depth_m = seen.image(frame.depth_m.shape)
-        volume.integrate(depth_m, frame.color, frame.intrinsics, view.T_world_camera)
+        seen = _seen_by(k, view, history, config)
+        scans.insert(seen.scan_world, view.T_world_camera[:3, 3])
+        cloud.add(seen.points_world, seen.colors)
+        volume.integrate(seen.depth_m, view.frame.color, view.frame.intrinsics, view.T_world_camera)
+        departed.append(seen.departed_world)
         progress("fuse", k + 1, len(history))
     points = np.concatenate(departed)
     points = points[voxels_of(points, config.octree_m)[0]]
@@ -74,29 +66,37 @@ def fuse(
 
 
 @dataclass(frozen=True)
-class _Pixels:
-    """Pixels of a depth image: where they are (N,), their depth (N,), and points (N, 3)."""
+class _Seen:
+    """What of a view is fused: depth that can be trusted, of what has not departed since.
 
-    v: NDArray[np.intp]
-    u: NDArray[np.intp]
-    depth_m: NDArray[np.float32]
+    ``scan_world`` (S, 3): a point in each voxel of the octree; ``points_world`` (N, 3) and
+    ``colors`` (N, 3) for the cloud; ``depth_m`` (H, W), 0 elsewhere; ``departed_world`` (D, 3): a
+    point in each voxel of the octree where something departed.
+    """
+
+    scan_world: Array
     points_world: Array
-
-    def __getitem__(self, chosen: NDArray[np.intp] | NDArray[np.bool_]) -> "_Pixels":
-        return _Pixels(
-            self.v[chosen], self.u[chosen], self.depth_m[chosen], self.points_world[chosen]
-        )
-
-    def image(self, shape: tuple[int, ...]) -> NDArray[np.float32]:
-        """Their depth, and 0 for all other pixels."""
-        depth_m = np.zeros(shape, np.float32)
-        depth_m[self.v, self.u] = self.depth_m
-        return depth_m
+    colors: NDArray[np.uint8]
+    depth_m: NDArray[np.float32]
+    departed_world: Array
 
 
-def _seen_by(view: PosedFrame, config: FuseConfig) -> _Pixels:
-    """The pixels of a view whose depth can be trusted."""
+def _seen_by(k: int, view: PosedFrame, history: DepthHistory, config: FuseConfig) -> _Seen:
+    """What of the view with number k in the history is fused."""
+    color, camera = view.frame.color, view.frame.intrinsics
     depth_m = filter_depth(view.frame.depth_m, config)
+    on_lattice = np.zeros(depth_m.shape, bool)
+    stride = max(1, int(config.voxel_m * camera.fx / config.max_range_m))
+    on_lattice[::stride, ::stride] = True  # a point a voxel far away
     v, u = np.nonzero(depth_m)
-    points_camera = view.frame.intrinsics.unproject(np.stack([u, v], -1), depth_m[v, u])
-    return _Pixels(v, u, depth_m[v, u], se3.transform(view.T_world_camera, points_camera))
+    z = depth_m[v, u]
+    points_world = se3.transform(view.T_world_camera, camera.unproject(np.stack([u, v], -1), z))
+
+    first, voxel = voxels_of(points_world, config.octree_m)
+    places = points_world[first]
+    gone = history.departed_since(k, places, z[first])
+    left = gone[voxel]
+    depth_m[v[left], u[left]] = 0
+    sampled = on_lattice[v, u] & ~left
+    colors = color[v[sampled], u[sampled]]
+    return _Seen(places[~gone], points_world[sampled], colors, depth_m, places[gone])

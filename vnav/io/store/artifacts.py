@@ -166,13 +166,16 @@ def kept_rows(folder: MapFolder, frames: int) -> list[int]:
     return sorted(row for row in rows if row < frames)
 
 
-def load_keyframe(folder: MapFolder, row: int, frames: FrameTable) -> Frame:
-    """A keyframe's colour and depth by its row in the frame table; MapError where missing."""
+def load_keyframe(folder: MapFolder, row: int, frames: FrameTable, beside_px: int = 0) -> Frame:
+    """A keyframe's colour and depth by its row in the frame table; MapError where missing.
+
+    What moves has no depth, nor what is beside it; see `load_keyframe_depth`.
+    """
     color = _keyframe_image(folder, row, "jpg", cv2.IMREAD_COLOR_RGB)
     key = int(frames.capture[row]), int(frames.index[row])
-    depth_m = load_keyframe_depth(folder, row)
+    depth_m = load_keyframe_depth(folder, row, beside_px)
     intrinsics = map_camera(folder, key[0])
-    return Frame(*key, float(frames.stamp_s[row]), color.astype(np.uint8), depth_m, intrinsics)
+    return Frame(*key, float(frames.stamp_s[row]), color, depth_m, intrinsics)
 
 
 def load_keyframe_depth(folder: MapFolder, row: int, beside_px: int = 0) -> NDArray[np.float32]:
@@ -183,9 +186,11 @@ def load_keyframe_depth(folder: MapFolder, row: int, beside_px: int = 0) -> NDAr
     """
     depth = _keyframe_image(folder, row, "png", cv2.IMREAD_UNCHANGED)
     depth_m = np.asarray(depth / np.float32(DEPTH_UNITS_PER_METRE))
-    moving = load_keyframe_mask(folder, row, depth_m.shape).astype(np.uint8)
-    beside = cv2.getStructuringElement(cv2.MORPH_CROSS, (2 * beside_px + 1, 2 * beside_px + 1))
-    return np.where(cv2.dilate(moving, beside) > 0, np.float32(0), depth_m)
+    moving = load_keyframe_mask(folder, row, depth_m.shape)
+    if moving.any():
+        beside = cv2.getStructuringElement(cv2.MORPH_CROSS, (2 * beside_px + 1, 2 * beside_px + 1))
+        depth_m[cv2.dilate(moving.astype(np.uint8), beside) > 0] = 0
+    return depth_m
 
 
 def load_keyframe_mask(folder: MapFolder, row: int, shape: tuple[int, ...]) -> NDArray[np.bool_]:
