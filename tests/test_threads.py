@@ -5,12 +5,12 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 
 import pytest
 
-from vnav.threads import SharedLimit
+from vnav.threads import SharedLimit, made_ahead
 
 TRAIN = """
 import hashlib
@@ -118,3 +118,31 @@ def test_blas_is_limited_where_numpy_was_loaded_before() -> None:
         check=True,
     )
     assert done.stdout.strip() == f"{{{min(4, os.cpu_count() or 1)}}}"
+
+
+def test_items_come_in_order_and_the_next_is_made_while_one_is_used() -> None:
+    used = threading.Event()
+
+    def items() -> Iterator[int]:
+        yield 0
+        assert used.wait(10)
+        yield 1
+        yield 2
+
+    found = []
+    for item in made_ahead(items()):
+        found.append(item)
+        used.set()
+    assert found == [0, 1, 2]
+
+
+def test_no_more_than_one_item_is_made_ahead() -> None:
+    made: list[int] = []
+    for item in made_ahead(made.append(k) or k for k in range(6)):
+        time.sleep(0.01)
+        assert made[-1] <= item + 1
+
+
+def test_an_error_while_an_item_is_made_is_raised_where_it_is_used() -> None:
+    with pytest.raises(ZeroDivisionError):
+        list(made_ahead(1 // k for k in (1, 0)))

@@ -1,10 +1,11 @@
-"""Limits of the threads that native libraries use, and what each of vnav's own has for itself.
+"""Limits of the threads that native libraries use, what vnav's own have, and work ahead of its use.
 
 The sums of BLAS, and the clusters of k-means, depend on the number of threads; vnav spreads frames
 over cores instead. Environment variables come too late where numpy is loaded already.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import ContextDecorator
 from threading import Lock, local
 from typing import Generic, TypeVar
@@ -26,6 +27,16 @@ class PerThread(Generic[Made]):
             self._own.made = self._make()
         made: Made = self._own.made
         return made
+
+
+def made_ahead(items: Iterable[Made]) -> Iterator[Made]:
+    """The items in order, each made by another thread while the one before is used."""
+    with ThreadPoolExecutor(1) as maker:
+        rest = iter(items)
+        coming = maker.submit(next, rest, None)
+        while (item := coming.result()) is not None:
+            coming = maker.submit(next, rest, None)
+            yield item
 
 
 class SharedLimit(ContextDecorator):

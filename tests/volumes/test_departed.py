@@ -7,7 +7,7 @@ import pytest
 
 from vnav.core import se3
 from vnav.core.camera import Intrinsics
-from vnav.volumes.departed import DepthHistory
+from vnav.volumes.departed import DepthHistory, seen_depth
 
 CAMERA = Intrinsics(320, 240, 260.0, 260.0, 159.5, 119.5)
 SIGMA_PER_M2, SLACK_M, NEEDED = 0.0014, 0.05, 3
@@ -30,7 +30,8 @@ def history(*images: np.ndarray, off_m: float = 0.0, needed: int = NEEDED) -> De
     """Of images taken from SIDES_M in turn, whose poses are off to the right."""
     found = DepthHistory(SIGMA_PER_M2, SLACK_M, needed)
     for k, image in enumerate(images):
-        found.add(image, CAMERA, pose(SIDES_M[k % len(SIDES_M)] + off_m * (k > 0)))
+        T_world_camera = pose(SIDES_M[k % len(SIDES_M)] + off_m * (k > 0))
+        found.add(seen_depth(image, CAMERA, T_world_camera))
     return found
 
 

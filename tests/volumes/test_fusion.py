@@ -10,7 +10,7 @@ from vnav.core.frame import Frame
 from vnav.synthetic import MINIATURE, SCENES, Box, Scene, Sensor
 from vnav.synthetic.rendered_capture import camera_poses
 from vnav.synthetic.sensor import measured_depth
-from vnav.volumes.departed import DepthHistory
+from vnav.volumes.departed import DepthHistory, seen_depth
 from vnav.volumes.fusion import FusedVolumes, PosedFrame, fuse
 
 CONFIG = Config()
@@ -32,7 +32,7 @@ def views(name: str) -> list[PosedFrame]:
 def history(frames: list[PosedFrame]) -> DepthHistory:
     found = DepthHistory(CONFIG.registration.depth_sigma_per_m2, CELL_M, CONFIG.fuse.departed_after)
     for view in frames:
-        found.add(view.frame.depth_m, view.frame.intrinsics, view.T_world_camera)
+        found.add(seen_depth(view.frame.depth_m, view.frame.intrinsics, view.T_world_camera))
     return found
 
 

@@ -72,11 +72,9 @@ class DepthHistory:
     def __len__(self) -> int:
         return len(self._seen)
 
-    def add(
-        self, depth_m: NDArray[np.float32], intrinsics: Intrinsics, T_world_camera: Array
-    ) -> None:
-        """Add the depth (H, W) in metres of the next keyframe, 0 where it has none."""
-        self._seen.append(seen_depth(depth_m, intrinsics, T_world_camera))
+    def add(self, seen: SeenDepth) -> None:
+        """Add what the next keyframe measured."""
+        self._seen.append(seen)
 
     def departed_since(
         self, keyframe: int, points_world: Array, depth_m: NDArray[np.floating]

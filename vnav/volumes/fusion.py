@@ -12,6 +12,7 @@ from vnav.core.arrays import Array
 from vnav.core.frame import Frame
 from vnav.core.point_cloud import Mesh, PointCloud
 from vnav.core.progress import Progress, silent
+from vnav.threads import made_ahead
 from vnav.volumes.cloud import VoxelCloud, filter_depth, voxels_of
 from vnav.volumes.departed import DepthHistory
 from vnav.volumes.octree import Octree, Scans
@@ -44,7 +45,7 @@ def fuse(
     config: FuseConfig,
     progress: Progress = silent,
 ) -> FusedVolumes:
-    """Put every view into a cloud, an octree and a signed distance volume; one view in memory.
+    """Put every view into a cloud, an octree and a signed distance volume; two views in memory.
 
     ``history``: depth of the same views, which tells what of each has departed since.
     """
@@ -53,27 +54,31 @@ def fuse(
     cloud, scans = VoxelCloud(config.voxel_m), Scans(config.octree_m)
     volume = TsdfVolume(config.mesh_voxel_m, config.max_range_m)
     departed = [np.zeros((0, 3))]
-    for k, view in enumerate(views):
-        seen = _seen_by(k, view, history, config)
-        scans.insert(seen.scan_world, view.T_world_camera[:3, 3])
+    seen_by_views = (_seen_by(k, view, history, config) for k, view in enumerate(views))
+    for seen in made_ahead(seen_by_views):
+        frame, T_world_camera = seen.view.frame, seen.view.T_world_camera
+        scans.insert(seen.scan_world, T_world_camera[:3, 3])
         cloud.add(seen.points_world, seen.colors)
-        volume.integrate(seen.depth_m, view.frame.color, view.frame.intrinsics, view.T_world_camera)
+        volume.integrate(seen.depth_m, frame.color, frame.intrinsics, T_world_camera)
         departed.append(seen.departed_world)
-        progress("fuse", k + 1, len(history))
+        progress("fuse", len(departed) - 1, len(history))
     points = np.concatenate(departed)
     points = points[voxels_of(points, config.octree_m)[0]]
-    return FusedVolumes(cloud.cloud(), scans.octree(), volume.mesh(), points)
+    whole_cloud, octree = cloud.cloud(), scans.octree()
+    del cloud, scans, seen_by_views  # the mesh wants their memory
+    return FusedVolumes(whole_cloud, octree, volume.mesh(), points)
 
 
 @dataclass(frozen=True)
 class _Seen:
     """What of a view is fused: depth that can be trusted, of what has not departed since.
 
-    ``scan_world`` (S, 3): a point in each voxel of the octree; ``points_world`` (N, 3) and
-    ``colors`` (N, 3) for the cloud; ``depth_m`` (H, W), 0 elsewhere; ``departed_world`` (D, 3): a
-    point in each voxel of the octree where something departed.
+    ``view``: all of it; ``scan_world`` (S, 3): a point in each voxel of the octree;
+    ``points_world`` (N, 3) and ``colors`` (N, 3) for the cloud; ``depth_m`` (H, W), 0 elsewhere;
+    ``departed_world`` (D, 3): a point in each voxel of the octree where something departed.
     """
 
+    view: PosedFrame
     scan_world: Array
     points_world: Array
     colors: NDArray[np.uint8]
@@ -99,4 +104,4 @@ def _seen_by(k: int, view: PosedFrame, history: DepthHistory, config: FuseConfig
     depth_m[v[left], u[left]] = 0
     sampled = on_lattice[v, u] & ~left
     colors = color[v[sampled], u[sampled]]
-    return _Seen(places[~gone], points_world[sampled], colors, depth_m, places[gone])
+    return _Seen(view, places[~gone], points_world[sampled], colors, depth_m, places[gone])
