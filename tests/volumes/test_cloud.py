@@ -119,10 +119,24 @@ def test_many_scans_merge_as_one() -> None:
 
 def test_memory_is_bounded_by_the_voxels() -> None:
     cloud = VoxelCloud(1.0)
+    room = len(cloud._sum)
     for _ in range(50):
-        cloud.add(RNG.uniform(0, 2, (100, 3)), np.zeros((100, 3), np.uint8))
+        cloud.add(RNG.uniform(0, 2, (1000, 3)), np.zeros((1000, 3), np.uint8))
     assert len(cloud.cloud()) == 8
-    assert cloud._sum.shape == (8, 7)
+    assert len(cloud._sum) == room < 50 * 1000
+
+
+def test_a_cloud_that_outgrows_its_room_keeps_every_voxel() -> None:
+    points = RNG.uniform(-4, 4, (60_000, 3))
+    colors = RNG.integers(0, 256, (60_000, 3)).astype(np.uint8)
+    cloud = VoxelCloud(0.2)
+    room = len(cloud._sum)
+    cloud.add(points, colors)
+    voxels = np.floor(points / 0.2).astype(int)
+    _, voxel, count = np.unique(voxels, axis=0, return_inverse=True, return_counts=True)
+    mean = np.stack([np.bincount(voxel.ravel(), axis) / count for axis in points.T], 1)
+    assert len(count) > 2 * room
+    np.testing.assert_allclose(cloud.cloud().points_world, mean, atol=1e-6)
 
 
 @pytest.mark.parametrize("scans", [0, 1])

@@ -3,12 +3,15 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from vnav.compiled import compiled
 from vnav.config import FuseConfig
 from vnav.core.point_cloud import PointCloud
+from vnav.volumes.voxel_table import NONE, VoxelTable, doubled, number_of, table_for
 
 LIKE_NEIGHBOURS = 3  # of 8: fewer make a pixel an isolated one; a line two pixels wide stays
 KEY_BITS = 21  # a voxel's key holds three coordinates of 21 bits: 10 km either way at 1 cm
-NOTHING = np.zeros(0, np.int64), np.zeros((0, 7))
+MIDDLE = 1 << KEY_BITS - 1
+VOXELS = 1 << 14  # room to begin with
 
 
 def filter_depth(depth_m: NDArray[np.float32], config: FuseConfig) -> NDArray[np.float32]:
@@ -55,49 +58,53 @@ class VoxelCloud:
 
     def __init__(self, voxel_m: float) -> None:
         self._voxel_m = voxel_m
-        self._key, self._sum = NOTHING  # sums of x, y, z, red, green, blue and count
-        self._new: list[tuple[NDArray[np.int64], NDArray[np.float64]]] = []
+        self._table = table_for(VOXELS)
+        self._sum = np.zeros((VOXELS, 7))  # of x, y, z, red, green, blue and count
 
     def add(self, points_world: NDArray[np.floating], colors: NDArray[np.uint8]) -> None:
         """Put in points (N, 3) in metres with their colours (N, 3)."""
-        voxel = np.floor(points_world / self._voxel_m).astype(np.int64)
-        x, y, z = (voxel + (1 << KEY_BITS - 1)).T
-        key, total = _summed(
-            (x << 2 * KEY_BITS) | (y << KEY_BITS) | z,
-            np.hstack([points_world, colors, np.ones((len(voxel), 1))]),
-        )
-        row = np.searchsorted(self._key, key)
-        known = np.r_[self._key, -1][row] == key
-        self._sum[row[known]] += total[known]
-        self._new.append((key[~known], total[~known]))
-        if 2 * sum(len(new) for new, _ in self._new) > len(self._key):
-            self._insert_new()
+        points, done = np.asarray(points_world, float), 0
+        while done < len(points):
+            done = _add(self._table, self._sum, points, colors, self._voxel_m, done)
+            if done < len(points):
+                self._double()
 
     def cloud(self) -> PointCloud:
         """What was put in, ordered by voxel."""
-        self._insert_new()
-        mean = self._sum[:, :6] / self._sum[:, 6:]
-        return PointCloud(mean[:, :3].astype(np.float32), np.rint(mean[:, 3:]).astype(np.uint8))
+        total = self._sum[: len(self._table.keys)]
+        points = (total[:, :3] / total[:, 6:]).astype(np.float32)
+        colors = np.rint(total[:, 3:6] / total[:, 6:]).astype(np.uint8)
+        order = np.argsort(self._table.keys)
+        return PointCloud(points[order], colors[order])
 
-    def _insert_new(self) -> None:
-        keys, totals = zip(NOTHING, *self._new, strict=True)
-        key, total = _summed(np.concatenate(keys), np.concatenate(totals))
-        row = np.searchsorted(self._key, key)
-        self._key = np.insert(self._key, row, key)
-        self._sum = np.insert(self._sum, row, total, axis=0)
-        self._new = []
+    def _double(self) -> None:
+        self._table, total = doubled(self._table), self._sum
+        self._sum = np.zeros((2 * len(total), 7))
+        self._sum[: len(total)] = total
 
 
-def _summed(
-    key: NDArray[np.int64], values: NDArray[np.float64]
-) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
-    """Ascending distinct keys, and the sum of the rows of values that share each."""
-    if not len(key):
-        return NOTHING
-    order = np.argsort(key, kind="stable")
-    key = key[order]
-    starts = np.flatnonzero(np.r_[True, key[1:] != key[:-1]])
-    return key[starts], np.add.reduceat(values[order], starts, axis=0)
+@compiled
+def _add(
+    table: VoxelTable,
+    total: NDArray[np.float64],
+    points: NDArray[np.float64],
+    colors: NDArray[np.uint8],
+    voxel_m: float,
+    first: int,
+) -> int:
+    """Put in points (N, 3) from the first on; the first one that there is no room for, or N."""
+    for n in range(first, len(points)):
+        key = 0
+        for axis in range(3):
+            key = key << KEY_BITS | int(np.floor(points[n, axis] / voxel_m)) + MIDDLE
+        voxel = number_of(table, key)
+        if voxel == NONE:
+            return n
+        for axis in range(3):
+            total[voxel, axis] += points[n, axis]
+            total[voxel, 3 + axis] += colors[n, axis]
+        total[voxel, 6] += 1
+    return len(points)
 
 
 def _on_edge(inverse: NDArray[np.float32], edge_per_m: float) -> NDArray[np.bool_]:

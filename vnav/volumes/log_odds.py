@@ -12,14 +12,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vnav.compiled import compiled
+from vnav.volumes.voxel_table import NONE, VoxelTable, doubled, number_of, table_for
 
 KEYS = 1 << 16  # of voxels along an axis; the world's origin is at the middle
 BRICK = 8  # voxels along the edge of a brick, in which voxels are stored
 BRICK_VOXELS = BRICK**3
 BRICKS = 256  # room to begin with
-NONE = -1
 SPREAD = np.array([0, 1, 8, 9, 64, 65, 72, 73])  # three bits, with room for two more between them
-MULTIPLIER = 0x9E3779B97F4A7C15 - (1 << 64)  # of Fibonacci hashing: Knuth, vol. 3, 6.4
 Key = tuple[int, int, int]
 
 
@@ -33,17 +32,14 @@ class Odds(NamedTuple):
 
 
 class Bricks(NamedTuple):
-    """Bricks of voxels, found by a hash table with open addressing.
+    """Bricks of voxels, numbered as they are met.
 
-    ``number`` (2^n,) int32: the brick at each place of the table, or `NONE`; ``corner`` (B,) int64:
-    each brick's key; ``used`` (1,): how many bricks there are; ``log_odds`` (B, 512) float32;
-    ``scan`` (B, 512) int32: the last scan that changed each voxel, 0 where none did. Within a brick
-    voxels are in Morton order.
+    ``table``: their numbers by the keys of their corners; ``log_odds`` (B, 512) float32; ``scan``
+    (B, 512) int32: the last scan that changed each voxel, 0 where none did. Within a brick voxels
+    are in Morton order.
     """
 
-    number: NDArray[np.int32]
-    corner: NDArray[np.int64]
-    used: NDArray[np.intp]
+    table: VoxelTable
     log_odds: NDArray[np.float32]
     scan: NDArray[np.int32]
 
@@ -53,7 +49,7 @@ class VoxelLogOdds:
 
     def __init__(self, resolution_m: float, odds: Odds) -> None:
         self._resolution_m, self._odds = resolution_m, odds
-        self._bricks, self._scans = _bricks_for(BRICKS), 0
+        self._bricks, self._scans = _bricks_in(table_for(BRICKS)), 0
 
     def insert(
         self, points_world: NDArray[np.floating], sensor_world: NDArray[np.floating]
@@ -68,36 +64,27 @@ class VoxelLogOdds:
         while not _insert(
             self._bricks, self._scans, points, sensor, self._resolution_m, self._odds
         ):
-            self._bricks = _doubled(self._bricks)
+            self._bricks = _with_more_room(self._bricks)
 
     def known(self) -> tuple[NDArray[np.int64], NDArray[np.float32]]:
         """Morton codes (V,), ascending, of all voxels that a scan changed, and their log-odds."""
-        code = _morton(self._bricks.corner[: self._bricks.used[0]])
+        code = _morton(self._bricks.table.keys)
         order = np.argsort(code)
         brick, voxel = np.nonzero(self._bricks.scan[order])
         log_odds = self._bricks.log_odds[order[brick], voxel]
         return code[order[brick]] * BRICK_VOXELS + voxel, log_odds
 
 
-def _bricks_for(count: int) -> Bricks:
-    """Empty bricks: the system gives memory to those that are used."""
-    shape = count, BRICK_VOXELS
-    return Bricks(
-        np.full(4 * count, NONE, np.int32),
-        np.empty(count, np.int64),
-        np.zeros(1, np.intp),
-        np.zeros(shape, np.float32),
-        np.zeros(shape, np.int32),
-    )
+def _bricks_in(table: VoxelTable) -> Bricks:
+    """Unseen voxels: the system gives memory to those that are used."""
+    shape = len(table.key), BRICK_VOXELS
+    return Bricks(table, np.zeros(shape, np.float32), np.zeros(shape, np.int32))
 
 
-def _doubled(bricks: Bricks) -> Bricks:
-    """The same bricks with twice the room."""
-    count = bricks.used[0]
-    more = _bricks_for(2 * len(bricks.corner))
-    more.log_odds[:count], more.scan[:count] = bricks.log_odds[:count], bricks.scan[:count]
-    for corner in bricks.corner[:count]:
-        _brick_at(more, corner)
+def _with_more_room(bricks: Bricks) -> Bricks:
+    more = _bricks_in(doubled(bricks.table))
+    used = len(bricks.table.keys)
+    more.log_odds[:used], more.scan[:used] = bricks.log_odds[:used], bricks.scan[:used]
     return more
 
 
@@ -128,7 +115,7 @@ def _insert(
         x, y, z = _key(points[n], resolution_m)
         if x == NONE:
             continue
-        brick = _brick_at(bricks, _corner(x, y, z))
+        brick = number_of(bricks.table, _corner(x, y, z))
         if brick == NONE:
             return False
         _update(bricks, brick, _voxel(x, y, z), scan, odds.hit, odds)
@@ -162,7 +149,7 @@ def _miss_between(
     while True:
         if corner != _corner(x, y, z):
             corner = _corner(x, y, z)
-            brick = _brick_at(bricks, corner)
+            brick = number_of(bricks.table, corner)
             if brick == NONE:
                 return False
         _update(bricks, brick, _voxel(x, y, z), scan, odds.miss, odds)
@@ -223,20 +210,3 @@ def _corner(x: int, y: int, z: int) -> int:
 def _voxel(x: int, y: int, z: int) -> int:
     """A voxel's number within its brick: the bits of its coordinates in turn, x lowest."""
     return int(SPREAD[x % BRICK] | SPREAD[y % BRICK] << 1 | SPREAD[z % BRICK] << 2)
-
-
-@compiled
-def _brick_at(bricks: Bricks, corner: int) -> int:
-    """The brick with a key, made where there is none; `NONE` where there is no room."""
-    last = len(bricks.number) - 1
-    place = (corner * MULTIPLIER >> 20) & last
-    while bricks.number[place] != NONE:
-        if bricks.corner[bricks.number[place]] == corner:
-            return int(bricks.number[place])
-        place = (place + 1) & last
-    count = bricks.used[0]
-    if count == len(bricks.corner):
-        return NONE
-    bricks.number[place], bricks.corner[count] = count, corner
-    bricks.used[0] += 1
-    return int(count)
