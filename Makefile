@@ -61,6 +61,7 @@ check: setup
 bench: setup $(VENV)/bench
 	$(BIN)/python benchmarks/astar.py --record
 	$(BIN)/python benchmarks/speed.py --record
+	$(BIN)/python benchmarks/fusing.py --record
 	$(BIN)/python benchmarks/locating.py --record
 
 # Hours. The table at the end tells of runs that failed, too.

@@ -70,7 +70,7 @@ def fuse(
 
 
 @dataclass(frozen=True)
-class _Seen:
+class _TrustedView:
     """What of a view is fused: depth that can be trusted, of what has not departed since.
 
     ``view``: all of it; ``scan_world`` (S, 3): a point in each voxel of the octree;
@@ -86,7 +86,7 @@ class _Seen:
     departed_world: Array
 
 
-def _seen_by(k: int, view: PosedFrame, history: DepthHistory, config: FuseConfig) -> _Seen:
+def _seen_by(k: int, view: PosedFrame, history: DepthHistory, config: FuseConfig) -> _TrustedView:
     """What of the view with number k in the history is fused."""
     color, camera = view.frame.color, view.frame.intrinsics
     depth_m = filter_depth(view.frame.depth_m, config)
@@ -104,4 +104,4 @@ def _seen_by(k: int, view: PosedFrame, history: DepthHistory, config: FuseConfig
     depth_m[v[left], u[left]] = 0
     sampled = on_lattice[v, u] & ~left
     colors = color[v[sampled], u[sampled]]
-    return _Seen(view, places[~gone], points_world[sampled], colors, depth_m, places[gone])
+    return _TrustedView(view, places[~gone], points_world[sampled], colors, depth_m, places[gone])

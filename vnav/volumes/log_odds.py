@@ -22,7 +22,7 @@ SPREAD = np.array([0, 1, 8, 9, 64, 65, 72, 73])  # three bits, with room for two
 Key = tuple[int, int, int]
 
 
-class Odds(NamedTuple):
+class SensorOdds(NamedTuple):
     """Log-odds (float32) that one scan adds, and the limits of their sum."""
 
     hit: np.float32
@@ -47,7 +47,7 @@ class Bricks(NamedTuple):
 class VoxelLogOdds:
     """How likely each voxel of ``resolution_m`` is occupied, by all scans."""
 
-    def __init__(self, resolution_m: float, odds: Odds) -> None:
+    def __init__(self, resolution_m: float, odds: SensorOdds) -> None:
         self._resolution_m, self._odds = resolution_m, odds
         self._bricks, self._scans = _bricks_in(table_for(BRICKS)), 0
 
@@ -104,7 +104,7 @@ def _insert(
     points: NDArray[np.float32],
     sensor: NDArray[np.float32],
     resolution_m: float,
-    odds: Odds,
+    odds: SensorOdds,
 ) -> bool:
     """Hit the voxels of points, then miss what their rays cross; False where room is wanting.
 
@@ -135,7 +135,7 @@ def _miss_between(
     keys: tuple[Key, Key],
     ends: tuple[NDArray[np.float32], NDArray[np.float32]],
     resolution_m: float,
-    odds: Odds,
+    odds: SensorOdds,
 ) -> bool:
     """Miss what a ray crosses from its first voxel to the one before its last; as `_insert`."""
     (x, y, z), last = keys
@@ -179,7 +179,7 @@ def _borders(
 
 @compiled
 def _update(
-    bricks: Bricks, brick: int, voxel: int, scan: int, change: np.float32, odds: Odds
+    bricks: Bricks, brick: int, voxel: int, scan: int, change: np.float32, odds: SensorOdds
 ) -> None:
     """Change a voxel that this scan has not changed yet."""
     if bricks.scan[brick, voxel] != scan:

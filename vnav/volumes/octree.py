@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from vnav.core.arrays import frozen
 from vnav.errors import MEND, MapError, VnavError
-from vnav.volumes.log_odds import KEYS, Odds, VoxelLogOdds
+from vnav.volumes.log_odds import KEYS, SensorOdds, VoxelLogOdds
 from vnav.volumes.tree_nodes import DEPTH, NODE, leaf_corners, tree_nodes
 
 BINARY_HEADER = b"# Octomap OcTree binary file"
@@ -51,7 +51,7 @@ class Scans:
         ask = self._empty
         odds = ask.getProbHitLog(), ask.getProbMissLog()
         limits = ask.getClampingThresMinLog(), ask.getClampingThresMaxLog()
-        self._voxels = VoxelLogOdds(resolution_m, Odds(*map(np.float32, odds + limits)))
+        self._voxels = VoxelLogOdds(resolution_m, SensorOdds(*map(np.float32, odds + limits)))
 
     def insert(
         self, points_world: NDArray[np.floating], sensor_world: NDArray[np.floating]
