@@ -6,7 +6,7 @@ from numpy.typing import NDArray
 from vnav.compiled import compiled
 from vnav.config import FuseConfig
 from vnav.core.point_cloud import PointCloud
-from vnav.volumes.voxel_table import NONE, VoxelTable, doubled, number_of, table_for
+from vnav.volumes.voxel_table import NONE, VoxelTable, doubled, keys_of, number_of, table_for
 
 LIKE_NEIGHBOURS = 3  # of 8: fewer make a pixel an isolated one; a line two pixels wide stays
 KEY_BITS = 21  # a voxel's key holds three coordinates of 21 bits: 10 km either way at 1 cm
@@ -71,10 +71,10 @@ class VoxelCloud:
 
     def cloud(self) -> PointCloud:
         """What was put in, ordered by voxel."""
-        total = self._sum[: len(self._table.keys)]
+        total = self._sum[: len(keys_of(self._table))]
         points = (total[:, :3] / total[:, 6:]).astype(np.float32)
         colors = np.rint(total[:, 3:6] / total[:, 6:]).astype(np.uint8)
-        order = np.argsort(self._table.keys)
+        order = np.argsort(keys_of(self._table))
         return PointCloud(points[order], colors[order])
 
     def _double(self) -> None:

@@ -6,13 +6,19 @@ The library walks them one point at a time into a hash set, and holds Python's l
 Here a voxel remembers the last scan that changed it, which makes sets needless.
 """
 
-from typing import NamedTuple
-
 import numpy as np
 from numpy.typing import NDArray
 
 from vnav.compiled import compiled
-from vnav.volumes.voxel_table import NONE, VoxelTable, doubled, number_of, table_for
+from vnav.volumes.voxel_table import (
+    NONE,
+    VoxelTable,
+    doubled,
+    keys_of,
+    number_of,
+    room_of,
+    table_for,
+)
 
 KEYS = 1 << 16  # of voxels along an axis; the world's origin is at the middle
 BRICK = 8  # voxels along the edge of a brick, in which voxels are stored
@@ -20,34 +26,17 @@ BRICK_VOXELS = BRICK**3
 BRICKS = 256  # room to begin with
 SPREAD = np.array([0, 1, 8, 9, 64, 65, 72, 73])  # three bits, with room for two more between them
 Key = tuple[int, int, int]
-
-
-class SensorOdds(NamedTuple):
-    """Log-odds (float32) that one scan adds, and the limits of their sum."""
-
-    hit: np.float32
-    miss: np.float32
-    least: np.float32
-    most: np.float32
-
-
-class Bricks(NamedTuple):
-    """Bricks of voxels, numbered as they are met.
-
-    ``table``: their numbers by the keys of their corners; ``log_odds`` (B, 512) float32; ``scan``
-    (B, 512) int32: the last scan that changed each voxel, 0 where none did. Within a brick voxels
-    are in Morton order.
-    """
-
-    table: VoxelTable
-    log_odds: NDArray[np.float32]
-    scan: NDArray[np.int32]
+Odds = tuple[np.float32, np.float32, np.float32, np.float32]  # see `VoxelLogOdds`
+Bricks = tuple[VoxelTable, NDArray[np.float32], NDArray[np.int32]]  # see `_bricks_in`
 
 
 class VoxelLogOdds:
-    """How likely each voxel of ``resolution_m`` is occupied, by all scans."""
+    """How likely each voxel of ``resolution_m`` is occupied, by all scans.
 
-    def __init__(self, resolution_m: float, odds: SensorOdds) -> None:
+    ``odds``: the log-odds that a hit and a miss add, the least and the most that their sum may be.
+    """
+
+    def __init__(self, resolution_m: float, odds: Odds) -> None:
         self._resolution_m, self._odds = resolution_m, odds
         self._bricks, self._scans = _bricks_in(table_for(BRICKS)), 0
 
@@ -68,23 +57,27 @@ class VoxelLogOdds:
 
     def known(self) -> tuple[NDArray[np.int64], NDArray[np.float32]]:
         """Morton codes (V,), ascending, of all voxels that a scan changed, and their log-odds."""
-        code = _morton(self._bricks.table.keys)
+        table, log_odds, scan = self._bricks
+        code = _morton(keys_of(table))
         order = np.argsort(code)
-        brick, voxel = np.nonzero(self._bricks.scan[order])
-        log_odds = self._bricks.log_odds[order[brick], voxel]
-        return code[order[brick]] * BRICK_VOXELS + voxel, log_odds
+        brick, voxel = np.nonzero(scan[order])
+        return code[order[brick]] * BRICK_VOXELS + voxel, log_odds[order[brick], voxel]
 
 
 def _bricks_in(table: VoxelTable) -> Bricks:
-    """Unseen voxels: the system gives memory to those that are used."""
-    shape = len(table.key), BRICK_VOXELS
-    return Bricks(table, np.zeros(shape, np.float32), np.zeros(shape, np.int32))
+    """Bricks (B) by the keys of their corners; the system gives memory to those that are used.
+
+    With a table of their numbers: (B, 512) float32, the log-odds of their voxels in Morton order,
+    and (B, 512) int32, the last scan that changed each voxel, 0 where none did.
+    """
+    shape = room_of(table), BRICK_VOXELS
+    return table, np.zeros(shape, np.float32), np.zeros(shape, np.int32)
 
 
 def _with_more_room(bricks: Bricks) -> Bricks:
-    more = _bricks_in(doubled(bricks.table))
-    used = len(bricks.table.keys)
-    more.log_odds[:used], more.scan[:used] = bricks.log_odds[:used], bricks.scan[:used]
+    table, log_odds, scan = bricks
+    more = _bricks_in(doubled(table))
+    more[1][: len(log_odds)], more[2][: len(scan)] = log_odds, scan
     return more
 
 
@@ -104,21 +97,21 @@ def _insert(
     points: NDArray[np.float32],
     sensor: NDArray[np.float32],
     resolution_m: float,
-    odds: SensorOdds,
+    odds: Odds,
 ) -> bool:
     """Hit the voxels of points, then miss what their rays cross; False where room is wanting.
 
     What a scan changed it does not change again, so it may be inserted again when there is room.
     """
-    start = _key(sensor, resolution_m)
+    hit, start = odds[0], _key(sensor, resolution_m)
     for n in range(len(points)):
         x, y, z = _key(points[n], resolution_m)
         if x == NONE:
             continue
-        brick = number_of(bricks.table, _corner(x, y, z))
+        brick = number_of(bricks[0], _corner(x, y, z))
         if brick == NONE:
             return False
-        _update(bricks, brick, _voxel(x, y, z), scan, odds.hit, odds)
+        _update(bricks, brick, _voxel(x, y, z), scan, hit, odds)
     for n in range(len(points)):
         end = _key(points[n], resolution_m)
         if start[0] == NONE or end[0] == NONE or start == end:
@@ -135,7 +128,7 @@ def _miss_between(
     keys: tuple[Key, Key],
     ends: tuple[NDArray[np.float32], NDArray[np.float32]],
     resolution_m: float,
-    odds: SensorOdds,
+    odds: Odds,
 ) -> bool:
     """Miss what a ray crosses from its first voxel to the one before its last; as `_insert`."""
     (x, y, z), last = keys
@@ -149,10 +142,10 @@ def _miss_between(
     while True:
         if corner != _corner(x, y, z):
             corner = _corner(x, y, z)
-            brick = number_of(bricks.table, corner)
+            brick = number_of(bricks[0], corner)
             if brick == NONE:
                 return False
-        _update(bricks, brick, _voxel(x, y, z), scan, odds.miss, odds)
+        _update(bricks, brick, _voxel(x, y, z), scan, odds[1], odds)
         if next_x < next_y and next_x < next_z:
             x, next_x = (x + step_x) % KEYS, next_x + delta_x
         elif next_x >= next_y and next_y < next_z:
@@ -179,13 +172,15 @@ def _borders(
 
 @compiled
 def _update(
-    bricks: Bricks, brick: int, voxel: int, scan: int, change: np.float32, odds: SensorOdds
+    bricks: Bricks, brick: int, voxel: int, scan: int, change: np.float32, odds: Odds
 ) -> None:
     """Change a voxel that this scan has not changed yet."""
-    if bricks.scan[brick, voxel] != scan:
-        bricks.scan[brick, voxel] = scan
-        total = np.float32(bricks.log_odds[brick, voxel] + change)
-        bricks.log_odds[brick, voxel] = min(max(total, odds.least), odds.most)
+    _, log_odds, last_scan = bricks
+    _, _, least, most = odds
+    if last_scan[brick, voxel] != scan:
+        last_scan[brick, voxel] = scan
+        total = np.float32(log_odds[brick, voxel] + change)
+        log_odds[brick, voxel] = min(max(total, least), most)
 
 
 @compiled

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from vnav.core.arrays import frozen
 from vnav.errors import MEND, MapError, VnavError
-from vnav.volumes.log_odds import KEYS, SensorOdds, VoxelLogOdds
+from vnav.volumes.log_odds import KEYS, VoxelLogOdds
 from vnav.volumes.tree_nodes import DEPTH, NODE, leaf_corners, tree_nodes
 
 BINARY_HEADER = b"# Octomap OcTree binary file"
@@ -49,9 +49,10 @@ class Scans:
     def __init__(self, resolution_m: float) -> None:
         self._empty = octomap.OcTree(resolution_m)
         ask = self._empty
-        odds = ask.getProbHitLog(), ask.getProbMissLog()
-        limits = ask.getClampingThresMinLog(), ask.getClampingThresMaxLog()
-        self._voxels = VoxelLogOdds(resolution_m, SensorOdds(*map(np.float32, odds + limits)))
+        hit, miss = np.float32(ask.getProbHitLog()), np.float32(ask.getProbMissLog())
+        least, most = ask.getClampingThresMinLog(), ask.getClampingThresMaxLog()
+        odds = hit, miss, np.float32(least), np.float32(most)
+        self._voxels = VoxelLogOdds(resolution_m, odds)
 
     def insert(
         self, points_world: NDArray[np.floating], sensor_world: NDArray[np.floating]
