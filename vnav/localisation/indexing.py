@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from vnav.compiled import compiled
 from vnav.config import IndexConfig
 from vnav.core.arrays import Array, Floats
 from vnav.core.camera import Intrinsics
@@ -157,16 +158,28 @@ def _neighbours(
     """
     from scipy.spatial import cKDTree
 
-    found = np.tile(np.arange(len(points))[:, None], (1, count))
+    found = np.tile(np.arange(len(points), dtype=np.int32)[:, None], (1, count))
     if not len(points):
-        return found.astype(np.int32)
+        return found
     _, near = cKDTree(points).query(points, min(2 * count, len(points)), workers=-1)
-    near = near.reshape(len(points), -1)
-    together = covisible[reference[:, None], reference[near]]
-    place = np.cumsum(together, 1, dtype=np.int32) - 1
-    row, column = np.nonzero(together & (place < count))
-    found[row, place[row, column]] = near[row, column]
-    return found.astype(np.int32)
+    _keep_together(found, near.reshape(len(points), -1), reference, covisible)
+    return found
+
+
+@compiled
+def _keep_together(
+    found: NDArray[np.int32],
+    near: NDArray[np.intp],
+    reference: NDArray[np.int32],
+    covisible: NDArray[np.bool_],
+) -> None:
+    """Fill in, of the landmarks near each (L, K), the first that are seen together with it."""
+    for n in range(len(near)):
+        kept = 0
+        for other in near[n]:
+            if kept < found.shape[1] and covisible[reference[n], reference[other]]:
+                found[n, kept] = other
+                kept += 1
 
 
 def _distractor_distance(
