@@ -3,7 +3,7 @@
 import json
 import os
 import sys
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias
 
@@ -98,37 +98,40 @@ def locate(
     from vnav import config
     from vnav.api.map import open_map
     from vnav.io.photos.photo_files import find_photos
-    from vnav.reporting.photo_table import photo_table
 
+    streams = from_stdin or watched is not None
+    sharing: dict[str, Any] = {"jobs": jobs or 0, "scheduler": scheduler}
     require_one_way(jobs, scheduler)
     _require_one_source(photos, from_stdin, watched)
-    streams = from_stdin or watched is not None
-    if streams:
-        _require_no({"--overlay": overlay}, "--stdin or --watch")
-    if streams or sequence:
-        _require_no({"--jobs": jobs, "--scheduler": scheduler}, "--stdin, --watch or --sequence")
+    _require_no(streams, {"overlay": overlay}, "--stdin or --watch")
+    _require_no(streams or sequence, sharing, "--stdin, --watch or --sequence")
     mapped, resolved = open_map(map_dir), config.load(config_source, settings)
-    paths, alone = find_photos(photos), len(photos) == 1 and not photos[0].is_dir()
+    paths, alone = find_photos(photos), _is_one(photos)
     _require_another(csv_file, paths)
-    pictures = _pictures(paths, overlay, alone) if overlay else {}
+    pictures = _pictures(paths, overlay, alone)
     shown = _Shown("lines" if streams else _form(as_json, alone), alone)
+    asked: dict[str, Any] = {"camera": camera, "config": resolved}
     answers: Iterable[Answer]
-    if streams or (sequence and not alone):
+    if alone:
+        answers = [mapped.locate(paths[0], remember=True, **asked)]
+    elif streams or sequence:
         source = _arriving(watched) if streams else paths
-        answers = mapped.locate_each(source, camera=camera, config=resolved, sequence=sequence)
-    elif alone:
-        answers = [mapped.locate(paths[0], camera=camera, config=resolved, remember=True)]
+        answers = mapped.locate_each(source, sequence=sequence, **asked)
     else:
-        answers = mapped.locate_all(
-            paths,
-            camera=camera,
-            config=resolved,
-            jobs=jobs or 0,
-            scheduler=scheduler,
-            progress=shown.progress,
-        )
-    if not alone:
-        loaded()
+        answers = mapped.locate_all(paths, progress=shown.progress, **asked, **sharing)
+    return _tell(mapped, answers, shown, csv_file, pictures)
+
+
+def _tell(
+    mapped: "Map",
+    answers: "Iterable[Answer]",
+    shown: "_Shown",
+    csv_file: Path | None,
+    pictures: dict[Path, Path],
+) -> int:
+    """Tell each answer as it is found, its row in the table first; the exit code."""
+    from vnav.reporting.photo_table import photo_table
+
     with shown, photo_table(csv_file) as add_row:
         for answer in answers:
             add_row(answer)
@@ -185,7 +188,8 @@ class _Shown:
         self._warned |= new
 
     def __enter__(self) -> None:
-        pass
+        if not self._alone:
+            loaded()
 
     def __exit__(self, kind: type[BaseException] | None, *_error: object) -> None:
         if self._form == "array" and kind is None:
@@ -215,11 +219,11 @@ def _require_one_source(photos: Sequence[Path], from_stdin: bool, watched: Path 
         raise click.UsageError(f"expected PHOTOS, --stdin or --watch DIR, found {found}")
 
 
-def _require_no(options: dict[str, object], beside: str) -> None:
-    """UsageError where one of the options is given."""
+def _require_no(where: object, options: Mapping[str, object], beside: str) -> None:
+    """UsageError where one of the options is given where it has no place."""
     for name, value in options.items():
-        if value:
-            raise click.UsageError(f"expected {name} with PHOTOS alone, found it with {beside}")
+        if where and value:
+            raise click.UsageError(f"expected --{name} with PHOTOS alone, found it with {beside}")
 
 
 def _require_another(table: Path | None, photos: Sequence[Path]) -> None:
@@ -239,8 +243,15 @@ def _arriving(watched: Path | None) -> Iterator[Path]:
             yield Path(os.fsdecode(line.rstrip(b"\r\n")))
 
 
-def _pictures(photos: Sequence[Path], overlay: Path, alone: bool) -> dict[Path, Path]:
+def _is_one(photos: Sequence[Path]) -> bool:
+    """Whether a single photo is asked for, not a folder of one."""
+    return len(photos) == 1 and not photos[0].is_dir()
+
+
+def _pictures(photos: Sequence[Path], overlay: Path | None, alone: bool) -> dict[Path, Path]:
     """Which file each photo is drawn into, no photo among them; UsageError where that cannot be."""
+    if overlay is None:
+        return {}
     if alone and not overlay.is_dir():
         return {photos[0]: overlay}
     if overlay.is_file() or overlay.suffix.lower() in (".jpg", ".jpeg", ".png"):

@@ -50,6 +50,58 @@ def test_compiling_is_announced_once_and_not_again_from_the_cache(tmp_path: Path
     assert said[1] == ""
 
 
+OUTER = """
+from vnav.compiled import compiled
+from inner import STEP, rise
+
+@compiled
+def climbed(x):
+    return higher(x) + STEP
+
+@compiled
+def higher(x):
+    return rise(x)
+
+print(climbed(1))
+"""
+INNER = """
+from vnav.compiled import compiled
+from deep import height
+
+STEP = {step}
+
+@compiled
+def rise(x):
+    return x + height()
+"""
+DEEP = """
+from vnav.compiled import compiled
+
+@compiled
+def height():
+    return {height}
+"""
+
+
+def test_machine_code_is_not_older_than_what_is_in_it_from_other_files(tmp_path: Path) -> None:
+    """The file itself stays as it is: numba would look at no other."""
+    (tmp_path / "outer.py").write_text(OUTER)
+    printed = []
+    for step, height in ((10, 100), (20, 100), (20, 300), (20, 300)):
+        (tmp_path / "inner.py").write_text(INNER.format(step=step))
+        (tmp_path / "deep.py").write_text(DEEP.format(height=height))
+        done = subprocess.run(
+            [sys.executable, "-B", "-c", "import outer"],
+            cwd=tmp_path,
+            env=os.environ | {"NUMBA_CACHE_DIR": str(tmp_path / "cache")},
+            text=True,
+            capture_output=True,
+            check=True,
+        )
+        printed.append(done.stdout.strip())
+    assert printed == ["111", "121", "321", "321"]
+
+
 def test_a_division_by_zero_is_infinite_not_an_error() -> None:
     @compiled
     def inverse(x: float) -> float:

@@ -74,14 +74,10 @@ def _judged(
     if not poses and searched.votes < query.config.min_inliers:
         return NotLocated("too few matches", matches)
     places = _distinct_places([pose for pose in poses if pose.inliers >= min_matches(poses)])
-    odds = prior.odds([place.view for place in places], query.database.index) if prior else 1.0
-    chances = tuple(posterior([place.evidence for place in places], odds).tolist())
-    if prior:  # the strongest evidence need not be the likeliest place
-        order = np.argsort(-np.array(chances), kind="stable")
-        places, chances = tuple(places[k] for k in order), tuple(chances[k] for k in order)
+    places, chances = _weighed(places, query, prior)
     inliers = places[0].inliers if places else 0
-    too_few = prior is not None and inliers < HELD_INLIERS * query.config.min_inliers
-    if sum(chances) < wanted or too_few:
+    least = 0.0 if prior is None else HELD_INLIERS * query.config.min_inliers
+    if sum(chances) < wanted or inliers < least:
         return NotLocated("no consistent pose", matches, inliers, places, chances)
     if chances[0] < wanted:
         return NotLocated("ambiguous", matches, inliers, places, chances)
@@ -91,6 +87,19 @@ def _judged(
         reason = f"the pose is too uncertain: {error}"
         return NotLocated(reason, matches, inliers, places, chances)
     return Located(places[0], places, chances, matches, error, confidence, prior)
+
+
+def _weighed(
+    places: Sequence[VerifiedPose], query: Query, prior: PlacePrior | None
+) -> tuple[tuple[VerifiedPose, ...], tuple[float, ...]]:
+    """Places with their probabilities, the likeliest first."""
+    evidence = [place.evidence for place in places]
+    if prior is None:
+        return tuple(places), tuple(posterior(evidence).tolist())
+    odds = prior.odds([place.view for place in places], query.database.index)
+    chances = posterior(evidence, odds)
+    order = np.argsort(-chances, kind="stable")  # the strongest need not be the likeliest
+    return tuple(places[k] for k in order), tuple(chances[order].tolist())
 
 
 def _distinct_places(poses: Sequence[VerifiedPose]) -> tuple[VerifiedPose, ...]:
