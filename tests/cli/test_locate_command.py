@@ -228,6 +228,12 @@ def test_photos_are_named_in_one_way(arguments: list[str], found: str) -> None:
         run(*arguments)
 
 
+def interruptible() -> None:
+    """What a shell starts in the background is not, nor what that starts; no more than a minute."""
+    signal.signal(signal.SIGINT, signal.default_int_handler)
+    signal.alarm(60)
+
+
 def test_a_folder_is_watched_until_it_is_interrupted(
     indexed: Path, photos: Path, tmp_path: Path
 ) -> None:
@@ -235,7 +241,12 @@ def test_a_folder_is_watched_until_it_is_interrupted(
     watched = [sys.executable, "-P", "-m", "vnav", "locate", "--watch", tmp_path, "--map", indexed]
     shutil.copy(photos / "camera.toml", tmp_path)
     with subprocess.Popen(
-        watched, cwd="/", text=True, stdout=subprocess.PIPE, stderr=subprocess.PIPE
+        watched,
+        cwd="/",
+        text=True,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        preexec_fn=interruptible,
     ) as process:
         assert process.stdout is not None
         for photo in sorted(photos.glob("*.jpg"))[:2]:
