@@ -50,6 +50,22 @@ def test_compiling_is_announced_once_and_not_again_from_the_cache(tmp_path: Path
     assert said[1] == ""
 
 
+COLORAMA = """
+__version__ = "9.9"
+def init(): raise AssertionError("sys.stdout is swapped")
+reinit = deinit = init
+class Fore: BLUE = CYAN = GREEN = MAGENTA = RED = RESET = WHITE = YELLOW = BLACK = ""
+class Style: BRIGHT = DIM = RESET_ALL = NORMAL = ""
+"""
+
+
+def test_compiling_leaves_the_streams_alone(tmp_path: Path) -> None:
+    (tmp_path / "colorama.py").write_text(COLORAMA)
+    program = "from vnav.compiled import self_test; self_test()"
+    command = [sys.executable, "-c", program]
+    subprocess.run(command, cwd=tmp_path, check=True)  # found before the installed colorama
+
+
 OUTER = """
 from vnav.compiled import compiled
 from inner import STEP, rise

@@ -2,11 +2,15 @@
 
 import hashlib
 import logging
+import os
 import sys
 from collections.abc import Callable
 from functools import cache
 from pathlib import Path
 from typing import Any, TypeVar
+
+# To colour its errors numba swaps sys.stdout while it compiles, in whatever thread that is.
+os.environ.setdefault("NUMBA_DISABLE_ERROR_MESSAGE_HIGHLIGHTING", "1")
 
 import numba
 from numba.core import event
