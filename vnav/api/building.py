@@ -27,6 +27,7 @@ from vnav.io.store.map_folder import MapFolder
 from vnav.io.store.map_lock import only_writer
 from vnav.io.store.replacement import draft_of
 from vnav.pipeline.build import BuiltMap, build, expect_captures
+from vnav.pipeline.joining import track_alone
 
 
 @dataclass(frozen=True)
@@ -80,7 +81,6 @@ def build_map(
     made; what was finished is kept.
     """
     from vnav import batch
-    from vnav.pipeline.joining import track_alone
 
     settings = config_of(config)
     sources = [capture_of(capture, settings, camera) for capture in _listed(captures)]

@@ -12,7 +12,6 @@ from vnav.core.report import Report
 from vnav.core.trajectory import Trajectory
 from vnav.errors import CaptureError, ConfigError, MapError
 from vnav.io.sources.capture import Capture
-from vnav.io.store.artifacts import save_odometry
 from vnav.io.store.map_folder import STAGES, MapFolder
 from vnav.io.store.overview import has_verdict
 from vnav.io.store.records import MappedCapture
@@ -22,10 +21,9 @@ from vnav.io.store.stage_reports import (
     finished,
     peak_memory_mb,
     reused,
-    settings_of,
 )
 from vnav.pipeline.connection import joins, with_joins
-from vnav.pipeline.joining import TrackAll, joined_odometry, tracked
+from vnav.pipeline.joining import TrackAll, track_together
 from vnav.pipeline.quality import assess
 from vnav.stages import odometry
 
@@ -95,29 +93,10 @@ def _build_together(
     """Run every stage on captures that are tracked alone, and all else together."""
     started = clock()
     expect_captures(folder, captures)
-    tracked = _odometry_of(folder, captures, config, track_all)
-    return _finished(folder, tracked, config, started, progress)
-
-
-def _odometry_of(
-    folder: MapFolder, captures: Sequence[Capture], config: Config, track_all: TrackAll
-) -> Report:
-    """The stage odometry of several captures."""
-    started = clock()
     entries = [odometry.described(k, capture) for k, capture in enumerate(captures)]
     _require_different(entries)
-    settings = settings_of(config, *odometry.SECTIONS)
-    inputs = {f"capture_{entry['id']}": entry["fingerprint"] for entry in entries}
-    if folder.is_current("odometry", settings, inputs):
-        return reused(folder, "odometry")
-    with (
-        tracked(folder, captures, config, track_all) as parts,
-        folder.writing("odometry", settings, inputs) as draft,
-    ):
-        joined = joined_odometry(draft, parts)
-        save_odometry(draft, joined)
-        folder.set_captures(entries)
-    return finished(folder, odometry.report(joined), started)
+    tracked = track_together(folder, captures, entries, config, track_all)
+    return _finished(folder, tracked, config, started, progress)
 
 
 def _finished(
@@ -131,8 +110,10 @@ def _finished(
     reports = [tracked, *run_stages(folder, STAGES[1:], config, progress)]
     if has_verdict(folder) and all(report.reused for report in reports):
         return [*reports, reused(folder, "map"), reused(folder, "quality")]
-    map_report = with_joins(whole(folder), joins(folder))
-    return [*reports, finished(folder, map_report, started), judged(folder, config)]
+    of_map = whole(folder)
+    if len(folder.captures) > 1:
+        of_map = with_joins(of_map, joins(folder))
+    return [*reports, finished(folder, of_map, started), judged(folder, config)]
 
 
 def run_stages(

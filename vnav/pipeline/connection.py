@@ -123,9 +123,7 @@ def joins(folder: MapFolder) -> list[Join]:
 
 
 def with_joins(whole_map: Report, found: Sequence[Join]) -> Report:
-    """The report of the whole map, and of how its captures are in it, where there are several."""
-    if len(found) == 1:
-        return whole_map
+    """The report of the whole map, and of how its captures are in it."""
     lines = [
         f"{join.name}: {join.posed} of {join.frames} frames, {join.closures} loops to the others"
         for join in found

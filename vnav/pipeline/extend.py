@@ -2,25 +2,16 @@
 
 import dataclasses
 
-import numpy as np
-
 from vnav.checking.capture_report import require_usable
 from vnav.config import Config, updated
-from vnav.core.arrays import Array
 from vnav.core.progress import Progress, silent
-from vnav.core.report import Report
 from vnav.errors import CaptureError, ConfigError, MapError
 from vnav.io.sources.capture import Capture
-from vnav.io.store.artifacts import (
-    load_odometry,
-    load_optimised,
-    map_camera,
-    save_odometry,
-)
+from vnav.io.store.artifacts import load_odometry, map_camera
 from vnav.io.store.map_folder import STAGES, MapFolder
 from vnav.io.store.records import MappedCapture
 from vnav.io.store.replacement import replacing
-from vnav.io.store.stage_reports import clock, finished, reused, settings_of
+from vnav.io.store.stage_reports import clock, finished
 from vnav.pipeline.build import BuiltMap, expect_scale, judged, run_stages, whole
 from vnav.pipeline.connection import (
     connection,
@@ -28,9 +19,9 @@ from vnav.pipeline.connection import (
     require_same_place,
     with_connection,
 )
-from vnav.pipeline.joining import in_turn, joined_odometry, tracked
+from vnav.pipeline.joining import in_turn, track_together
 from vnav.pipeline.relocalise import relocalise
-from vnav.stages.odometry import SECTIONS, described, report
+from vnav.stages.odometry import described
 from vnav.threads import one_blas_thread
 
 
@@ -55,8 +46,8 @@ def extend(
     _require_compatible(folder, entry, config)
     checked = require_usable(capture, force=force, progress=progress)
     with replacing(folder) as draft:
-        draft.set_captures([*folder.captures, entry])
-        odometry = _odometry(folder, draft, capture, config, progress)
+        entries, alone = [*folder.captures, entry], in_turn(progress)
+        odometry = track_together(draft, [capture], entries, config, alone, folder)
         both = load_odometry(draft)
         located = relocalise(folder, both, map_camera(draft, -1), config, progress)
         require_same_place(located, capture.name, folder)
@@ -103,33 +94,3 @@ def _require_compatible(folder: MapFolder, entry: MappedCapture, config: Config)
                 f"expected a capture that is not in {folder.root} yet, found {entry['name']}, which"
                 f" is its capture {mapped['id']}; give another"
             )
-
-
-def _odometry(
-    folder: MapFolder, draft: MapFolder, capture: Capture, config: Config, progress: Progress
-) -> Report:
-    """The odometry stage of the extended map: that of the old one, and of the new capture."""
-    started = clock()
-    settings = settings_of(config, *SECTIONS)
-    inputs = {f"capture_{c['id']}": c["fingerprint"] for c in draft.captures}
-    before = folder.inputs_of("odometry", "optimise")
-    inputs |= {f"{stage}_before": digest for stage, digest in before.items()}
-    if draft.is_current("odometry", settings, inputs):
-        return reused(draft, "odometry")
-    with (
-        tracked(draft, [capture], config, in_turn(progress)) as new,
-        draft.writing("odometry", settings, inputs) as path,
-    ):
-        both = joined_odometry(path, [folder, *new])
-        T_world_before = _world_before(folder, len(both.frames))
-        both = dataclasses.replace(both, T_world_before=T_world_before)
-        save_odometry(path, both)
-    return finished(draft, report(both), started)
-
-
-def _world_before(folder: MapFolder, count: int) -> Array:
-    """Poses (N, 4, 4) of all frames as the old map has them: NaN for those of the new capture."""
-    poses = np.full((count, 4, 4), np.nan)
-    known = load_optimised(folder).T_world_camera
-    poses[: len(known)] = known
-    return poses

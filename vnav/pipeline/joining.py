@@ -18,8 +18,10 @@ from vnav.core.progress import Progress, silent
 from vnav.core.report import Failed, Report
 from vnav.errors import CaptureError
 from vnav.io.sources.capture import Capture
-from vnav.io.store.artifacts import copy_keyframes, load_odometry
+from vnav.io.store.artifacts import copy_keyframes, load_odometry, load_optimised, save_odometry
 from vnav.io.store.map_folder import PARTS, MapFolder
+from vnav.io.store.records import MappedCapture
+from vnav.io.store.stage_reports import clock, finished, reused, settings_of
 from vnav.stages import odometry
 
 log = logging.getLogger(__name__)
@@ -53,8 +55,41 @@ def in_turn(progress: Progress) -> TrackAll:
     return lambda tasks: ((k, track_alone(task, progress)) for k, task in enumerate(tasks))
 
 
+def track_together(
+    folder: MapFolder,
+    captures: Sequence[Capture],
+    entries: Sequence[MappedCapture],
+    config: Config,
+    track_all: TrackAll,
+    before: MapFolder | None = None,
+) -> Report:
+    """The stage odometry of several captures; the last are tracked, each alone.
+
+    ``entries`` lists all captures of the map; ``before``: the map that has the first ones, whose
+    world is kept.
+    """
+    started = clock()
+    settings = settings_of(config, *odometry.SECTIONS)
+    inputs = {f"capture_{entry['id']}": entry["fingerprint"] for entry in entries}
+    if before is not None:
+        of_before = before.inputs_of("odometry", "optimise")
+        inputs |= {f"{stage}_before": digest for stage, digest in of_before.items()}
+    if folder.is_current("odometry", settings, inputs):
+        return reused(folder, "odometry")
+    with (
+        _tracked(folder, captures, config, track_all) as parts,
+        folder.writing("odometry", settings, inputs) as draft,
+    ):
+        joined = _joined(draft, parts if before is None else [before, *parts])
+        if before is not None:
+            joined = _in_world_of(before, joined)
+        save_odometry(draft, joined)
+        folder.set_captures(entries)
+    return finished(folder, odometry.report(joined), started)
+
+
 @contextmanager
-def tracked(
+def _tracked(
     folder: MapFolder, captures: Sequence[Capture], config: Config, track_all: TrackAll
 ) -> Iterator[list[MapFolder]]:
     """For each capture a folder with its odometry, within a map's; gone when the block ends.
@@ -73,7 +108,7 @@ def tracked(
     shutil.rmtree(place)
 
 
-def joined_odometry(draft: Path, parts: Sequence[MapFolder]) -> Odometry:
+def _joined(draft: Path, parts: Sequence[MapFolder]) -> Odometry:
     """The odometry of several, which nothing joins yet; keyframes' images are put in the draft."""
     first, *others = parts
     joined = load_odometry(first)
@@ -103,6 +138,14 @@ def _behind(old: Odometry, new: Odometry) -> Odometry:
         alternatives=old.alternatives + _shifted(new.alternatives, rows),
         moving_share=np.concatenate([old.moving_share, new.moving_share]),
     )
+
+
+def _in_world_of(before: MapFolder, joined: Odometry) -> Odometry:
+    """With the poses that the first frames had in a map's world; NaN for the others."""
+    poses = np.full((len(joined.frames), 4, 4), np.nan)
+    known = load_optimised(before).T_world_camera
+    poses[: len(known)] = known
+    return dataclasses.replace(joined, T_world_before=poses)
 
 
 def _shifted(edges: Iterable[Edge], rows: int) -> tuple[Edge, ...]:

@@ -6,7 +6,6 @@ from functools import lru_cache, partial
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from vnav.config import Config
 from vnav.core.arrays import Array
@@ -15,6 +14,7 @@ from vnav.core.mapping import CONTRADICTS, LoopVerdict, Odometry
 from vnav.core.progress import Progress, silent
 from vnav.core.report import Report
 from vnav.core.trajectory import Trajectory
+from vnav.features.description import near_depth
 from vnav.io.formats.g2o import write_g2o
 from vnav.io.formats.trajectories import write_tum
 from vnav.io.store.artifacts import (
@@ -60,7 +60,7 @@ def run(folder: MapFolder, config: Config, *, progress: Progress = silent) -> Re
     farthest = config.odometry.max_depth_m
     views = partial(load_keyframe, folder, frames=odometry.frames)
     look = SecondLook(odometry, cameras, views, config)
-    depth_of = _near_depth(folder, farthest)
+    depth_of = _near_depth(folder, config)
     solution = solve(odometry, closures, matches, cameras, config, progress, depth_of, look)
     surface = _keyframe_surface(folder, solution, odometry, cameras, farthest)
     rng = np.random.default_rng([config.seed, 2])
@@ -89,15 +89,9 @@ def final_verdicts(verdicts: Sequence[LoopVerdict], graph: PoseGraph) -> list[Lo
     ]
 
 
-def _near_depth(folder: MapFolder, farthest_m: float) -> DepthOf:
+def _near_depth(folder: MapFolder, config: Config) -> DepthOf:
     """Reads a keyframe's depth as odometry used it: 0 where it is too far, too."""
-
-    @lru_cache(KEPT_IMAGES)
-    def near_depth(row: int) -> NDArray[np.float32]:
-        depth_m = load_keyframe_depth(folder, row)
-        return np.where(depth_m <= farthest_m, depth_m, np.float32(0))
-
-    return near_depth
+    return lru_cache(KEPT_IMAGES)(lambda row: near_depth(load_keyframe_depth(folder, row), config))
 
 
 def _keyframe_surface(
