@@ -1,4 +1,4 @@
-"""What each front-end, and each tracker, makes of the same captures: side by side with SIFT.
+"""What front-ends, trackers and the preset fast make of the same captures, side by side with SIFT.
 
     python benchmarks/front_ends.py OUT CAPTURE... [--seeds 0 1 2] [--only sift orb] [--record]
 
@@ -29,16 +29,20 @@ WAYS = {
     "klt": ("--config", "klt"),
     "brisk": ("--set", "features.front_end=brisk"),
     "fast": ("--set", "features.front_end=fast"),
+    "preset-fast": ("--config", "fast"),
 }
 WANTED_ATE_M = {
     ("orb", "house"): 0.010,
     ("orb", "redkitchen01"): 0.048,
     ("orb", "fr1_desk"): 0.0175,
     ("klt", "house"): 0.006,
+    ("preset-fast", "house"): 0.0052,
+    ("preset-fast", "redkitchen01"): 0.0585,
+    ("preset-fast", "fr1_desk"): 0.0181,
 }
 WANTED_TIME = {"orb": 0.35, "klt": 0.4}
 WANTED_INDEX = {"orb": 0.85}
-WANTED_PHOTOS = {("sift", "house"): 37, ("orb", "house"): 28}
+WANTED_PHOTOS = {("sift", "house"): 37, ("orb", "house"): 28, ("preset-fast", "house"): 36}
 
 
 @dataclass(frozen=True)

@@ -5,6 +5,7 @@ import os
 from collections import deque
 from collections.abc import Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import nullcontext
 from pathlib import Path
 from typing import Any
 
@@ -139,7 +140,7 @@ def _frames(
         features = describer.describe(row, frame) if describer else undescribed(row)
         return _Seen(features, frame, reduced(frame))
 
-    with one_opencv_thread:
+    with one_opencv_thread if describer else nullcontext():  # else they are described one by one
         ahead: deque[Future[_Seen | str]] = deque()
         for row in range(len(capture)):
             while len(ahead) < 2 * (os.cpu_count() or 1) and row + len(ahead) < len(capture):

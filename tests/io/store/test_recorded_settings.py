@@ -31,7 +31,7 @@ def test_a_map_without_stages_has_no_settings(folder: MapFolder) -> None:
 
 
 def test_settings_of_the_stages_that_are_there_are_told(folder: MapFolder) -> None:
-    config = load("fast", ["seed=4"])
+    config = load("fast", ["seed=4", "features.sift.few_features=200"])
     record(folder, "odometry", config)
     found = recorded_settings(folder)
     asked = {name: value for name, value in changes(config).items() if name in found.agreed}
