@@ -60,6 +60,7 @@ check: setup
 
 bench: setup $(VENV)/bench
 	$(BIN)/python benchmarks/astar.py --record
+	$(BIN)/python benchmarks/steps.py --record
 	$(BIN)/python benchmarks/speed.py --record
 	$(BIN)/python benchmarks/fusing.py --record
 	$(BIN)/python benchmarks/locating.py --record
