@@ -25,6 +25,10 @@ def check(
     """Look at the RGB-D frames in the folder CAPTURE before a map is made of them.
 
     Every file is read, some frames are measured. Exit code 1 where something would stop a map.
+
+    \b
+    vnav check my_capture
+    vnav check my_capture --camera camera.toml --json
     """
     from vnav import config
     from vnav.api.judging import check as look

@@ -29,6 +29,11 @@ def datasets() -> None:
     """List, fetch and verify public RGB-D sequences, as the suites of vnav evaluate use them.
 
     They are kept in $VNAV_DATASETS, else in vnav/datasets in the user's cache.
+
+    \b
+    vnav datasets list 'fr1/*'
+    vnav datasets fetch fr1/desk
+    vnav datasets verify fr1/desk
     """
 
 

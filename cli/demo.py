@@ -21,6 +21,10 @@ def demo(out: Path) -> int:
 
     Then say how true the answers are. The rendered capture is kept in $XDG_CACHE_HOME/vnav. Exit
     code 3: a photo was not located, or there is no path.
+
+    \b
+    vnav demo
+    vnav demo --out somewhere/else
     """
     from vnav.config import Config
     from vnav.localisation.verdict.answer import summary

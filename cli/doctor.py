@@ -9,7 +9,12 @@ import click
 @click.command()
 @click.option("--json", "as_json", is_flag=True, help="Print the checks as one JSON object.")
 def doctor(as_json: bool) -> int:
-    """Check the installation: versions, native libraries, self-tests, memory and cores."""
+    """Check the installation: versions, native libraries, self-tests, memory and cores.
+
+    \b
+    vnav doctor
+    vnav doctor --json
+    """
     from vnav.doctor import examine
 
     checks = examine()

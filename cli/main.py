@@ -4,6 +4,7 @@ import io
 import os
 import sys
 from contextlib import suppress
+from difflib import get_close_matches
 from importlib import import_module
 from pathlib import Path
 
@@ -16,29 +17,31 @@ from vnav.cli.say import say
 from vnav.errors import VnavError
 from vnav.memory import keep_freed
 
-COMMANDS = {
-    "build-map": "build_map",
-    "extend": "extend",
-    "odometry": "stage_commands",
-    "vocabulary": "stage_commands",
-    "loops": "stage_commands",
-    "optimise": "stage_commands",
-    "fuse": "stage_commands",
-    "index": "stage_commands",
-    "locate": "locate",
-    "plan": "plan",
-    "score": "score",
-    "evaluate": "evaluate",
-    "check": "check",
-    "tracks": "tracks",
-    "config": "config",
-    "info": "info",
-    "export": "export",
-    "report": "report",
-    "datasets": "datasets",
-    "demo": "demo",
-    "doctor": "doctor",
+COMMANDS = {  # section of the help: command: its module
+    "Map a place": {
+        "build-map": "build_map",
+        "extend": "extend",
+        "odometry": "stage_commands",
+        "vocabulary": "stage_commands",
+        "loops": "stage_commands",
+        "optimise": "stage_commands",
+        "fuse": "stage_commands",
+        "index": "stage_commands",
+    },
+    "Use a map": {"locate": "locate", "plan": "plan", "export": "export"},
+    "Look at a map": {"info": "info", "report": "report"},
+    "Check captures, results and settings": {
+        "check": "check",
+        "score": "score",
+        "evaluate": "evaluate",
+        "datasets": "datasets",
+        "tracks": "tracks",
+        "config": "config",
+        "demo": "demo",
+        "doctor": "doctor",
+    },
 }
+LONGEST_SUMMARY = 200  # characters: no summary is cut off
 QUICK = {"locate", "plan"}  # load for longer than they work, and tell by `loaded` where they do not
 NO_THREAD = "can't start new thread"  # Python's RuntimeError where memory is short
 LAST_STREAM = 2  # descriptor of stderr
@@ -49,18 +52,41 @@ class LazyGroup(click.Group):
 
     def list_commands(self, ctx: click.Context) -> list[str]:
         """Every command, in the order a user meets them."""
-        return list(COMMANDS)
+        return [name for section in COMMANDS.values() for name in section]
 
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
         """The command of that name, None where there is none."""
-        if cmd_name not in COMMANDS:
+        module = next((names[cmd_name] for names in COMMANDS.values() if cmd_name in names), None)
+        if module is None:
             return None
         if cmd_name not in QUICK:
             loaded()
-        module = import_module(f"vnav.cli.{COMMANDS[cmd_name]}")
-        command: click.Command = getattr(module, cmd_name.replace("-", "_"))
+        part = import_module(f"vnav.cli.{module}")
+        command: click.Command = getattr(part, cmd_name.replace("-", "_"))
         logs.add_options(command)
         return command
+
+    def resolve_command(
+        self, ctx: click.Context, args: list[str]
+    ) -> tuple[str | None, click.Command | None, list[str]]:
+        """The command that is asked for; UsageError tells those of a similar name."""
+        try:
+            return super().resolve_command(ctx, args)
+        except click.UsageError as error:
+            near = get_close_matches(args[0], self.list_commands(ctx))
+            if not near:
+                raise
+            meant = f"{error.message} Did you mean {' or '.join(near)}?"
+            raise click.UsageError(meant, ctx) from error
+
+    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        """Write each section of commands, with whole summaries."""
+        for section, names in COMMANDS.items():
+            commands = [(name, self.get_command(ctx, name)) for name in names]
+            with formatter.section(section):
+                formatter.write_dl(
+                    [(n, c.get_short_help_str(LONGEST_SUMMARY)) for n, c in commands if c]
+                )
 
 
 @click.group(cls=LazyGroup, context_settings={"help_option_names": ["-h", "--help"]})

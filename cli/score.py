@@ -50,6 +50,10 @@ def score(
 
     Both are TUM files, lines of 'stamp tx ty tz qx qy qz qw'; TRUTH may also be a capture folder
     that comes with its truth. docs/scoring.md defines every figure.
+
+    \b
+    vnav score my-map/optimise/trajectory_0.tum my_capture
+    vnav score mono/trajectory.tum truth.txt --align sim3 --json
     """
     from vnav.api.judging import score as measure
     from vnav.evaluation.score import table

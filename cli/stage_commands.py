@@ -23,7 +23,14 @@ def odometry(
     camera_file: Path | None,
     trajectory_file: Path | None,
 ) -> None:
-    """Track every frame of a capture, or take given poses, and choose keyframes."""
+    """Track every frame of a capture, or take given poses, and choose keyframes.
+
+    The first stage of a map: 'vnav build-map' runs it and all that follow.
+
+    \b
+    vnav odometry my_capture --map my-map
+    vnav odometry my_capture --map my-map --trajectory poses.tum
+    """
     from vnav import config
     from vnav.api.building import track_capture
 
@@ -40,8 +47,9 @@ def odometry(
 
 def _stage_command(name: str, summary: str) -> click.Command:
     """A command that runs one stage on a map that exists."""
+    example = f"vnav {name} --map my-map --set seed=1"
 
-    @click.command(name, help=summary)
+    @click.command(name, help=f"{summary}\n\n\b\n{example}")
     @map_option
     @config_options
     def command(map_dir: Path, config_source: str | None, settings: tuple[str, ...]) -> None:

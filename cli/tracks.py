@@ -39,6 +39,10 @@ def tracks(
     Frames are counted from 0. Where the capture has depth and comes with its truth, a match is
     right within 3 px of where the truth puts its point: precision is the share of right matches,
     recall that of the points that frame B sees.
+
+    \b
+    vnav tracks my_capture 10 12
+    vnav tracks my_capture 10 12 --png found.png
     """
     from vnav import config
     from vnav.api.judging import compare_trackers

@@ -1,4 +1,5 @@
 import errno
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -8,6 +9,7 @@ import click
 import cv2
 import numpy as np
 import pytest
+from click.testing import CliRunner
 
 from vnav.cli import main as entry
 from vnav.errors import MapError
@@ -25,7 +27,7 @@ def run(monkeypatch: pytest.MonkeyPatch, body: object, *arguments: str) -> int:
     module = ModuleType("vnav.cli.attempt")
     module.attempt = attempt  # type: ignore[attr-defined]
     monkeypatch.setitem(sys.modules, module.__name__, module)
-    monkeypatch.setattr(entry, "COMMANDS", {"attempt": "attempt"})
+    monkeypatch.setattr(entry, "COMMANDS", {"Try": {"attempt": "attempt"}})
     monkeypatch.setattr(sys, "argv", ["vnav", "attempt", *arguments])
     return entry.main()
 
@@ -134,21 +136,41 @@ def test_the_process_exits_with_the_code_of_the_command_line(tmp_path: Path) -> 
     assert missing.stderr.count("\n") == 1
 
 
-@pytest.mark.parametrize("command", entry.COMMANDS)
-def test_every_command_explains_itself(command: str, capsys: pytest.CaptureFixture[str]) -> None:
+NAMES = entry.cli.list_commands(click.Context(entry.cli))
+
+
+@pytest.mark.parametrize("command", NAMES)
+def test_every_command_explains_itself_with_an_example(command: str) -> None:
     found = entry.cli.get_command(click.Context(entry.cli), command)
     assert isinstance(found, click.Command)
     assert found.name == command
-    assert found.help
+    assert any(line.split()[:2] == ["vnav", command] for line in str(found.help).splitlines())
     for parameter in found.params:
         if isinstance(parameter, click.Option):
             assert parameter.help, f"{command} {parameter.opts} has no help"
 
 
-def test_the_list_of_commands_shows_every_one_of_them(tmp_path: Path) -> None:
-    listed = vnav("--help", cwd=tmp_path).stdout
-    for command in entry.COMMANDS:
-        assert f"\n  {command} " in listed
+def test_the_list_of_commands_shows_the_whole_summary_of_every_one_of_them() -> None:
+    shown = CliRunner().invoke(entry.cli, ["--help"]).stdout
+    assert "..." not in shown.removeprefix("Usage: cli [OPTIONS] COMMAND [ARGS]...")
+    for command in NAMES:
+        assert f"\n  {command} " in shown
+
+
+@pytest.mark.parametrize(
+    ("asked", "meant"), [("buld-map", "Did you mean build-map?"), ("qqq", "'qqq'.\n")]
+)
+def test_a_command_of_a_similar_name_is_proposed(asked: str, meant: str) -> None:
+    result = CliRunner().invoke(entry.cli, [asked])
+    assert result.exit_code == 2
+    assert meant in result.stderr
+
+
+def test_a_shell_completes_commands(tmp_path: Path) -> None:
+    words = {"_VNAV_COMPLETE": "bash_complete", "COMP_WORDS": "vnav buil", "COMP_CWORD": "1"}
+    program = Path(sys.executable).with_name("vnav")
+    done = subprocess.run([program], env=os.environ | words, capture_output=True, text=True)
+    assert done.stdout == "plain,build-map\n"
 
 
 def test_no_command_at_all_shows_the_help_and_is_wrong_usage(tmp_path: Path) -> None:
