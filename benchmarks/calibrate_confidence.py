@@ -5,15 +5,15 @@
 
 prints how often answers of each confidence are right: on the scenes, or on a capture with
 photos/groundtruth.txt; and the constants for `Odds` (vnav/localisation/verification/evidence.py)
-that fit the scenes best. About an hour. The scenes are an
-apartment, a single room, two rooms that are the same, and a shop of identical shelves, some taken
-by a worse camera and mapped at poses that are off; photos of one scene asked of another stand for
-places that are on no map.
+that fit the scenes best. Half an hour. The scenes are an apartment, a single room, two rooms that
+are the same, and a shop of identical shelves, some taken by a worse camera and mapped at poses that
+are off; photos of one scene asked of another stand for places that are on no map.
 """
 
 import argparse
 import dataclasses
 from dataclasses import dataclass
+from itertools import chain
 from pathlib import Path
 
 import numpy as np
@@ -30,24 +30,10 @@ from vnav.io.formats.trajectories import read_tum
 from vnav.io.sources.open_capture import open_capture
 from vnav.io.store.artifacts import load_descriptor_space
 from vnav.io.store.map_folder import MapFolder
-from vnav.localisation.database import LandmarkDatabase
-from vnav.localisation.photo import Photo
-from vnav.localisation.verification.evidence import (
-    Odds,
-    _log_beta_binomial,
-    _log_sum,
-    evidence,
-    odds_of,
-    posterior,
-)
-from vnav.localisation.verification.image_cells import MIN_COUNT, cell_counts
-from vnav.localisation.verification.prediction import predict
-from vnav.localisation.verification.projection_matching import match_by_projection
-from vnav.localisation.verification.verify import SEARCH_RADII
-from vnav.localisation.view import View
+from vnav.localisation.verification.evidence import Odds, evidence, odds_of, posterior
 from vnav.pipeline.build import build_map
 from vnav.stages.locate import Locator
-from vnav.synthetic.rendered_capture import KINECT, PHONE, CaptureSpec, write_capture
+from vnav.synthetic.rendered_capture import KINECT, PHONE, CaptureSpec, cached_capture
 from vnav.synthetic.sensor import Sensor
 
 GOOD, BAD = Sensor(), Sensor(color_sigma=8.0, jpeg_quality=50, gain_drift=0.15)
@@ -61,6 +47,8 @@ SCENES = (  # name, frames, sensor, and how far off the poses are
 )
 RAD_PER_M, CORRELATED = 0.25, 15  # rotations off for metres off; frames that are off alike
 PHOTOS = 60
+BETAS = "found_if_not", "cells_if_right", "cells_of_rival"
+NEAR_START = 0.01  # nats for a constant that is e times as large
 NEAR_M, NEAR_RAD = 0.25, np.deg2rad(10)
 BINS = (0.0, 0.5, 0.8, 0.9, 0.95, 0.99, 1.0)
 Cells = NDArray[np.intp]
@@ -68,29 +56,21 @@ Cells = NDArray[np.intp]
 
 @dataclass(frozen=True)
 class Asked:
-    """A photo's hypotheses, the strongest first: their cells (2, C), and which are right.
-
-    ``by_chance``: cells at the pose of another photo, where nothing is right.
-    """
+    """A photo's hypotheses, the strongest first: their cells (2, C), and which are right."""
 
     cells: list[Cells]
     right: list[bool]
-    by_chance: Cells
 
 
-def synthetic_map(
-    root: Path, spec: CaptureSpec, off_m: float, front_end: str = "sift"
-) -> MapFolder:
-    """The map of a scene at true poses, or at poses that are off; capture in root. Made once."""
-    capture, config = root / "capture", Config(features=FeaturesConfig(front_end=front_end))
-    if not (capture / "camera.toml").is_file():
-        write_capture(capture, spec)
+def synthetic_map(capture: Path, seed: int, off_m: float, front_end: str) -> MapFolder:
+    """The map of a scene, beside its capture, at true poses or at poses that are off. Made once."""
+    config = Config(features=FeaturesConfig(front_end=front_end))
     truth = read_tum(capture / "groundtruth.txt")
-    noise = np.random.default_rng(spec.seed).standard_normal((len(truth), 6))
+    noise = np.random.default_rng(seed).standard_normal((len(truth), 6))
     noise = gaussian_filter1d(noise, CORRELATED, axis=0, mode="nearest")
     noise *= off_m * np.repeat([RAD_PER_M, 1], 3) / noise.std(0)
     given = Trajectory(truth.stamps_s, truth.T_world_camera @ se3.exp(noise))
-    folder = MapFolder.create(root / f"map_{front_end}")
+    folder = MapFolder.create(capture.with_name(f"{capture.name}_{front_end}"))
     build_map(folder, open_capture(capture, config.capture), config, given=given)
     return folder
 
@@ -100,26 +80,11 @@ def asked(
 ) -> list[Asked]:
     """Every photo asked of a map; one without a true pose is from elsewhere."""
     locator, found = Locator.open(folder, Config()), []
-    for n, path in enumerate(photos):
-        answer = locator.locate(path)
-        hypotheses, true = answer.result.hypotheses, truth.get(path.name)
+    for path in photos:
+        hypotheses, true = locator.locate(path).result.hypotheses, truth.get(path.name)
         right = [true is not None and near(h.view.T_world_camera, true) for h in hypotheses]
-        other, chance = truth.get(photos[n - 1].name), np.zeros((2, 0), np.intp)
-        if true is not None and other is not None and not near(true, other):
-            chance = cells_at(other, answer.photo, locator.database)
-        found.append(Asked([h.cells for h in hypotheses], right, chance))
+        found.append(Asked([h.cells for h in hypotheses], right))
     return found
-
-
-def cells_at(
-    T_world_camera: NDArray[np.float64], photo: Photo, database: LandmarkDatabase
-) -> Cells:
-    """Landmarks that the photo shows and that the map predicts in each cell, at some pose."""
-    view = View(se3.inverse(T_world_camera), photo.intrinsics)
-    prediction = predict(view, database)
-    radius_px = SEARCH_RADII[-1] * Config().locate.ransac_threshold_px * photo.pixel_scale
-    found = match_by_projection(prediction, photo, database, radius_px)
-    return cell_counts(prediction, found, photo)
 
 
 def near(T_a: NDArray[np.float64], T_b: NDArray[np.float64]) -> bool:
@@ -148,36 +113,20 @@ def photos_of(capture: Path) -> list[Path]:
     return sorted((capture / "photos").glob("*.jpg"))
 
 
-def fitted(known: list[Asked], elsewhere: list[Asked], start: Odds) -> Odds:
-    """Shares of landmarks by maximum likelihood, shares of cells by the photos' log loss."""
-    k, n = np.concatenate([photo.by_chance for photo in known], 1)
-    k, n = k[n >= MIN_COUNT], n[n >= MIN_COUNT]
-    found_if_not = _fitted_beta(start.found_if_not, lambda b: -_log_beta_binomial(k, n, b).mean())
-    right = [c for p in known for c, r in zip(p.cells, p.right, strict=True) if r]
+def fitted(photos: list[Asked], start: Odds) -> Odds:
+    """The constants that front-ends differ in, by the photos' log loss, not far from a start."""
+    first = np.log([start.concentration, *chain.from_iterable(getattr(start, b) for b in BETAS)])
 
-    def unlikely(concentration: tuple[float, ...]) -> float:
-        tried = dataclasses.replace(
-            start, found_if_not=found_if_not, concentration=concentration[0]
-        )
-        return -sum(float(_log_sum(evidence(cells, tried).right)) for cells in right)
-
-    (concentration,) = _fitted_beta((start.concentration,), unlikely)
-    odds = dataclasses.replace(start, found_if_not=found_if_not, concentration=concentration)
-    photos = [*known, *elsewhere]
+    def odds(logs: NDArray[np.float64]) -> Odds:
+        concentration, *ends = np.exp(logs).tolist()
+        betas = zip(BETAS, zip(ends[::2], ends[1::2], strict=True), strict=True)
+        return dataclasses.replace(start, concentration=concentration, **dict(betas))
 
     def loss(logs: NDArray[np.float64]) -> float:
-        right, rival = (tuple(np.exp(pair)) for pair in logs.reshape(2, 2))
-        tried = dataclasses.replace(odds, cells_if_right=right, cells_of_rival=rival)
-        return log_loss(photos, tried) + 1e-3 * float(((logs - first) ** 2).sum())
+        return log_loss(photos, odds(logs)) + NEAR_START * float(((logs - first) ** 2).sum())
 
-    first = np.log([*start.cells_if_right, *start.cells_of_rival])
-    best = np.exp(minimize(loss, first, method="Nelder-Mead", options={"maxiter": 80}).x)
-    return dataclasses.replace(odds, cells_if_right=tuple(best[:2]), cells_of_rival=tuple(best[2:]))
-
-
-def _fitted_beta(start, cost):  # type: ignore[no-untyped-def]
-    found = minimize(lambda logs: cost(tuple(np.exp(logs))), np.log(start), method="Nelder-Mead")
-    return tuple(np.exp(found.x).tolist())
+    steps = {"maxiter": 6, "maxfev": 400}
+    return odds(minimize(loss, first, method="Powell", options=steps).x)
 
 
 def log_loss(photos: list[Asked], odds: Odds) -> float:
@@ -240,17 +189,14 @@ def main() -> None:
 def calibrated(out: Path, front_end: str, seed: int) -> list[Measurement]:
     """Print the constants of today and those that fit best; how reliable those of today are."""
     numbered = list(enumerate(SCENES, seed))
-    roots = [out / f"{scene}{k}" for k, (scene, *_) in numbered]
-    maps = [
-        synthetic_map(
-            root,
-            CaptureSpec(scene, frames, PHOTOS, KINECT, PHONE, seed=k, sensor=sensor),
-            off_m,
-            front_end,
-        )
-        for root, (k, (scene, frames, sensor, off_m)) in zip(roots, numbered, strict=True)
+    captures = [
+        cached_capture(CaptureSpec(scene, n, PHOTOS, KINECT, PHONE, seed=k, sensor=sensor), out)
+        for k, (scene, n, sensor, _) in numbered
     ]
-    captures = [root / "capture" for root in roots]
+    maps = [
+        synthetic_map(capture, k, off_m, front_end)
+        for capture, (k, (*_, off_m)) in zip(captures, numbered, strict=True)
+    ]
     known = [
         a
         for folder, capture in zip(maps, captures, strict=True)
@@ -264,7 +210,7 @@ def calibrated(out: Path, front_end: str, seed: int) -> list[Measurement]:
     ]
     photos = [*known, *elsewhere]
     on, today = f"rendered scenes, {front_end}", odds_of(load_descriptor_space(maps[0]))
-    for odds in (today, fitted(known, elsewhere, today)):
+    for odds in (today, fitted(photos, today)):
         found = table(reliability(on, photos, odds))
         print(odds, f"{log_loss(photos, odds):.3f} nats a photo", found, sep="\n")
     return reliability(on, photos, today)
