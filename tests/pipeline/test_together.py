@@ -99,6 +99,23 @@ def test_nothing_is_left_of_the_folders_that_captures_were_tracked_in(made: vnav
     assert not list(made.root.glob(".*"))
 
 
+def test_a_run_that_finds_odometry_finished_removes_what_an_interruption_left(
+    made: vnav.Map, captures: list[Path]
+) -> None:
+    (made.root / PARTS / "000").mkdir(parents=True)
+    vnav.build_map(captures, made.root, config=CONFIG)
+    assert not (made.root / PARTS).exists()
+
+
+def test_one_capture_in_a_folder_of_several_that_were_interrupted_leaves_nothing_of_them(
+    captures: list[Path], tmp_path: Path
+) -> None:
+    (tmp_path / "map" / PARTS / "000").mkdir(parents=True)
+    few = Subset(opened(captures[-1]), range(12))
+    vnav.build_map(few, tmp_path / "map", config=CONFIG)
+    assert not (tmp_path / "map" / PARTS).exists()
+
+
 def test_it_is_up_to_date_until_the_captures_are_others(
     made: vnav.Map, captures: list[Path], tmp_path: Path
 ) -> None:

@@ -23,7 +23,7 @@ from vnav.io.store.stage_reports import (
     reused,
 )
 from vnav.pipeline.connection import joins, with_joins
-from vnav.pipeline.joining import TrackAll, track_together
+from vnav.pipeline.joining import TrackAll, forget_parts, track_together
 from vnav.pipeline.quality import assess
 from vnav.stages import odometry
 
@@ -80,6 +80,7 @@ def build_map(
     started = clock()
     expect_captures(folder, [capture])
     tracked = odometry.run(folder, capture, config, given=given, progress=progress)
+    forget_parts(folder)
     return _finished(folder, tracked, config, started, progress)
 
 

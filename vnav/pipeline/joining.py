@@ -75,6 +75,7 @@ def track_together(
         of_before = before.inputs_of("odometry", "optimise")
         inputs |= {f"{stage}_before": digest for stage, digest in of_before.items()}
     if folder.is_current("odometry", settings, inputs):
+        forget_parts(folder)
         return reused(folder, "odometry")
     with (
         _tracked(folder, captures, config, track_all) as parts,
@@ -105,7 +106,12 @@ def _tracked(
                 log.error(result.traceback)
             raise CaptureError(f"{tasks[k].name}: {result.reason}")
     yield [MapFolder.open(task.place) for task in tasks]
-    shutil.rmtree(place)
+    forget_parts(folder)
+
+
+def forget_parts(folder: MapFolder) -> None:
+    """Remove the folders in which captures of a map were tracked, now that it has odometry."""
+    shutil.rmtree(folder.root / PARTS, ignore_errors=True)
 
 
 def _joined(draft: Path, parts: Sequence[MapFolder]) -> Odometry:
