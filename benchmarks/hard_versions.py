@@ -9,7 +9,6 @@ Frames of which too little is left to ask anything are listed in unusable.txt be
 """
 
 import argparse
-import dataclasses
 import os
 import shutil
 from collections.abc import Callable, Iterable
@@ -25,7 +24,7 @@ from vnav.config import CaptureConfig
 from vnav.core import se3
 from vnav.core.camera import Camera, Intrinsics
 from vnav.core.trajectory import Trajectory
-from vnav.io.formats.camera_file import read_camera
+from vnav.io.formats.camera_file import camera_text, read_camera
 from vnav.io.formats.trajectories import read_tum, write_tum
 from vnav.io.sources import tum
 from vnav.io.sources.frame_list import FramePair, ImageFile
@@ -258,20 +257,8 @@ def usable(color: Image) -> bool:
 
 def write_camera(path: Path, camera: Camera) -> None:
     """Replace a camera.toml."""
-    lines = ["[color]", *_pinhole(camera.color), "", "[depth]"]
-    lines.append(f"units_per_metre = {camera.units_per_metre!r}")
-    if camera.depth is not None and camera.T_color_depth is not None:
-        lines += _pinhole(camera.depth)
-        lines.append(f"T_color_depth = {[list(row) for row in camera.T_color_depth]}")
     path.unlink()
-    path.write_text("\n".join([*lines, ""]), "utf-8")
-
-
-def _pinhole(camera: Intrinsics) -> list[str]:
-    values = dataclasses.asdict(camera)
-    distortion = values.pop("distortion")
-    lines = [f"{key} = {value!r}" for key, value in values.items()]
-    return [*lines, f"distortion = {list(distortion)}"] if distortion else lines
+    path.write_text(f"{camera_text(camera)}\n", "utf-8")
 
 
 def write_suite(path: Path, captures: list[str], versions: Iterable[str]) -> None:

@@ -26,7 +26,7 @@ camera_option = click.option(
     "--camera",
     "camera_file",
     type=click.Path(path_type=Path),
-    help="Camera of the capture, where it has no camera.toml.",
+    help="Camera of the capture: a camera.toml, or a file of Open3D, ROS, COLMAP, Record3D, NeRF.",
 )
 trajectory_option = click.option(
     "--trajectory",
@@ -146,7 +146,8 @@ def _failed(task: "BuildTask", result: "BuiltMap | Failed", one_of_several: bool
 
     if isinstance(result, Failed):
         name = f"{task.name}: " if one_of_several else ""
-        say(f"{result.traceback}vnav: {name}{result.reason}", err=True)
+        for line in (*result.notes, f"{result.traceback}vnav: {name}{result.reason}"):
+            say(line, err=True)
         return True
     show_map(task.map_dir, result)
     return False

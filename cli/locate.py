@@ -29,8 +29,8 @@ if TYPE_CHECKING:
     Answer: TypeAlias = PhotoAnswer | UnreadablePhoto
 
 CAMERA_HELP = (
-    "Camera of the photos, a camera.toml, or 'auto' to estimate it. Without it: camera.toml beside"
-    " the photo, its EXIF, the map's camera if the size is the same, else auto."
+    "Camera of the photos: a camera.toml, a tool's file, or 'auto' to estimate it. Else camera.toml"
+    " beside the photo, its EXIF, the map's camera if the size is the same, else auto."
 )
 
 

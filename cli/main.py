@@ -14,7 +14,7 @@ from vnav import __version__
 from vnav.cli import logs
 from vnav.cli.options import loaded
 from vnav.cli.say import say
-from vnav.errors import VnavError
+from vnav.errors import VnavError, notes_of
 from vnav.memory import keep_freed
 
 COMMANDS = {  # section of the help: command: its module
@@ -149,7 +149,8 @@ def main() -> int:
             raise
         if isinstance(error, OSError):
             _close_stdout()
-        say(f"vnav: {told}", err=True)
+        for line in (*notes_of(error), f"vnav: {told}"):
+            say(line, err=True)
         return 1
     except click.ClickException as error:
         error.show()

@@ -73,6 +73,18 @@ def test_a_missing_camera_is_asked_for(vnav: Vnav, capture: Path) -> None:
     assert "--camera" in said
 
 
+@pytest.mark.parametrize("command", ["build-map", "check"])
+def test_a_missing_camera_is_proposed_in_lines_of_its_own(
+    vnav: Vnav, capture: Path, command: str
+) -> None:
+    (capture / "camera.toml").unlink()
+    said = vnav(command, capture)[2].splitlines()
+    proposed = said[said.index("[color]") : -1]
+    corrected = "\n".join(proposed).replace("= 1000.0", "= 5000.0")
+    (capture / "camera.toml").write_text(corrected)
+    assert vnav("check", capture)[0] == 0
+
+
 def test_colour_without_depth_is_no_capture(vnav: Vnav, capture: Path) -> None:
     (capture / "depth.txt").unlink()
     shutil.rmtree(capture / "depth")

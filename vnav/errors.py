@@ -7,6 +7,11 @@ class VnavError(Exception):
     """Something a user can mend; the command line prints it as one line and exits with 1."""
 
 
+def notes_of(error: BaseException) -> tuple[str, ...]:
+    """What an error proposes besides its one line, such as a file to save (PEP 678)."""
+    return tuple(getattr(error, "__notes__", ()))
+
+
 class ConfigError(VnavError):
     """A setting, preset or configuration file is unknown or impossible."""
 

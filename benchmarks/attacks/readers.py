@@ -171,12 +171,32 @@ hold_out_every = 5
 settings = {fuse = {voxel_m = 0.05}}
 peers = [{system = "x", source = "y", ate_m = 0.01}]
 """
+A_TOOLS_CAMERA = b"""{"width": 320, "height": 240, "depth_scale": 1000.0,
+ "intrinsic_matrix": [262.5, 0.0, 0.0, 0.0, 262.5, 0.0, 159.5, 119.5, 1.0]}
+"""
+A_ROS_CAMERA = b"""image_width: 320
+image_height: 240
+camera_matrix:
+  rows: 3
+  cols: 3
+  data: [262.5, 0, 159.5, 0, 262.5, 119.5, 0, 0, 1]
+distortion_model: plumb_bob
+d:
+- 0.1
+- 0.0
+"""
 KINDS = {
     "a camera": Kind(
         function("formats.camera_file", "read_camera"),
         the_file("capture/camera.toml"),
         ".toml",
         True,
+    ),
+    "a tool's camera": Kind(
+        function("formats.camera_file", "read_camera"), lambda _: A_TOOLS_CAMERA, ".json", True
+    ),
+    "a camera of ROS": Kind(
+        function("formats.camera_file", "read_camera"), lambda _: A_ROS_CAMERA, ".yaml", True
     ),
     "a trajectory": Kind(
         function("formats.trajectories", "read_tum"),

@@ -17,7 +17,7 @@ from vnav.batch.scratch import clear_abandoned, scratch
 from vnav.batch.task import Function, ResultT, TaskT
 from vnav.core.progress import Progress
 from vnav.core.report import Failed
-from vnav.errors import VnavError
+from vnav.errors import VnavError, notes_of
 from vnav.memory import keep_freed
 
 ATTEMPTS = 3  # of a task whose process is killed
@@ -141,7 +141,7 @@ def outcome(
     try:
         return function(task, progress)
     except VnavError as error:
-        return Failed(str(error))
+        return Failed(str(error), notes=notes_of(error))
     except MemoryError:
         return Failed("expected memory for it, found none left; run fewer at once")
 

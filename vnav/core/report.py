@@ -27,7 +27,11 @@ class Report:
 
 @dataclass(frozen=True)
 class Failed:
-    """A task without a result: ``reason`` in one line; ``traceback`` where it is a bug."""
+    """A task without a result: ``reason`` in one line; ``traceback`` where it is a bug.
+
+    ``notes``: what the error proposes, such as a file to save.
+    """
 
     reason: str
     traceback: str = ""
+    notes: tuple[str, ...] = ()

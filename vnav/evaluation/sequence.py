@@ -16,6 +16,7 @@ from vnav.checking.capture_report import require_usable
 from vnav.config import Config, load
 from vnav.core.arrays import Array
 from vnav.core.association import associate
+from vnav.core.camera import Intrinsics
 from vnav.core.progress import Progress, silent
 from vnav.core.report import Report
 from vnav.core.trajectory import Trajectory
@@ -24,7 +25,8 @@ from vnav.evaluation import relocalisation
 from vnav.evaluation.score import score
 from vnav.io.datasets.suite_file import Entry, SequenceFiles, Suite, files_of
 from vnav.io.sources.capture import FileBacked
-from vnav.io.sources.open_capture import camera_path, open_capture, read_truth
+from vnav.io.sources.folder_capture import FolderCapture
+from vnav.io.sources.open_capture import open_capture, read_truth
 from vnav.io.store.artifacts import load_loops, load_odometry, load_trajectory
 from vnav.io.store.map_folder import MapFolder
 from vnav.io.store.overview import overview
@@ -34,7 +36,8 @@ from vnav.stages.locate import Locator
 MAX_DIFFERENCE_S = 0.02  # between a pose and its true one, as the TUM benchmark has it
 OF_THE_MAP = ("frames", "tracked", "posed", "keyframes", "lost", "loops", "landmarks", "path_m")
 UNKNOWN = Trajectory(np.zeros(0), np.zeros((0, 4, 4)))
-QuerySet = tuple[str, Path | None, list[relocalisation.PosedPhoto]]  # name, camera of all, photos
+# Name, camera of all photos, photos.
+QuerySet = tuple[str, Intrinsics | None, list[relocalisation.PosedPhoto]]
 
 
 @dataclass(frozen=True)
@@ -128,18 +131,17 @@ def _truth(files: SequenceFiles, capture: FileBacked, config: Config) -> Traject
 
 
 def _queries(
-    task: SequenceTask, files: SequenceFiles, capture: FileBacked, truth: Trajectory
+    task: SequenceTask, files: SequenceFiles, capture: FolderCapture, truth: Trajectory
 ) -> list[QuerySet]:
     """The photos of a sequence; CaptureError where they have no truth to be held against."""
     entry, found = task.entry, list[QuerySet]()
     if files.queries:
         found.append(("photos", None, relocalisation.photo_queries(files.queries)))
     if entry.hold_out_every:
-        camera = camera_path(files.capture, task.config.capture, files.camera)
         frames = relocalisation.held_out_queries(
             capture, entry.hold_out_every, truth, MAX_DIFFERENCE_S
         )
-        found.append(("held-out frames", camera, frames))
+        found.append(("held-out frames", capture.camera.color, frames))
     if found and not len(truth):
         raise CaptureError(
             f"expected a true trajectory of {files.capture}, to align the map before photos are"

@@ -51,6 +51,13 @@ def test_a_folder_without_images_is_told(tmp_path: Path) -> None:
         find_photos([tmp_path])
 
 
+def test_a_named_camera_may_be_the_file_of_another_tool(photo: Path, tmp_path: Path) -> None:
+    named = tmp_path / "cameras.txt"
+    named.write_text("1 SIMPLE_PINHOLE 640 480 600 320 240\n")
+    camera = photo_camera(photo, (640, 480), named, OF_MAP)
+    assert camera.intrinsics == Intrinsics(640, 480, 600.0, 600.0, 319.5, 239.5)
+
+
 def test_the_named_camera_comes_first(photo: Path, tmp_path: Path) -> None:
     (photo.parent / "camera.toml").write_text(CAMERA)
     named = tmp_path / "named.toml"

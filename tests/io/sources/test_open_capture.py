@@ -249,6 +249,41 @@ def test_a_missing_camera_is_never_guessed_from_the_folders_name(tmp_path: Path)
         open_capture(root, CONFIG)
 
 
+def proposed(root: Path) -> Path:
+    """The camera.toml that the error of a capture without one proposes, saved."""
+    (root / "camera.toml").unlink()
+    with pytest.raises(CameraError, match="save the proposed lines as") as told:
+        open_capture(root, CONFIG)
+    (root / "camera.toml").write_text("\n".join(told.value.__notes__))
+    return root / "camera.toml"
+
+
+def test_a_capture_without_a_camera_is_proposed_one_that_can_be_saved(tmp_path: Path) -> None:
+    root = write_tum(tmp_path, ["1.0"], ["1.0"])
+    text = proposed(root).read_text()
+    for key in ("fx", "fy", "cx", "cy", "units_per_metre"):
+        assert f"\n{key} = " in text
+        assert "a guess" in next(line for line in text.splitlines() if line.startswith(f"{key} ="))
+    capture = open_capture(root, CONFIG)
+    assert capture.camera.color.size == (8, 6)
+    assert capture.camera.is_registered
+    assert capture.read(0).depth_m.max() == 1.5
+
+
+def test_depth_of_another_size_is_proposed_a_camera_of_its_own(tmp_path: Path) -> None:
+    root = write_tum(tmp_path, ["1.0"], ["1.0"])
+    cv2.imwrite(str(root / "depth" / "1.0.png"), np.full((3, 4), 1500, np.uint16))
+    proposed(root)
+    camera = open_capture(root, CONFIG).camera
+    assert camera.depth == camera.color.scaled(4, 3)
+
+
+def test_sizes_are_proposed_of_the_first_images_that_are_whole(tmp_path: Path) -> None:
+    root = write_tum(tmp_path, ["1.0", "2.0"], ["1.0", "2.0"])
+    (root / "rgb" / "1.0.png").write_bytes(b"")
+    assert "width = 8" in proposed(root).read_text()
+
+
 def test_depth_units_that_nothing_has_are_refused(tmp_path: Path) -> None:
     root = write_tum(tmp_path, ["1.0"], ["1.0"])
     with pytest.raises(ConfigError, match=r"units_per_metre to be 0 or at least 0\.001"):

@@ -1,39 +1,77 @@
-"""camera.toml: the pinhole cameras of a capture or of photos; see docs/captures.md."""
+"""camera.toml: the pinhole cameras of a capture or of photos; see docs/captures.md.
 
+Files of other tools are read as what a camera.toml would say, and checked alike.
+"""
+
+import dataclasses
 import difflib
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from importlib import resources
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 from vnav.config import preset_cameras
 from vnav.core import se3
-from vnav.core.camera import LEAST, MOST, MOST_SIDE_PX, Camera, Intrinsics
+from vnav.core.camera import LEAST, MOST_SIDE_PX, Camera, Intrinsics
 from vnav.errors import CameraError
+from vnav.io.cameras.tables import is_number
+from vnav.io.cameras.tool_files import is_tool_file, read_tables
 from vnav.io.files import read_toml
 
 _PINHOLE = ("fx", "fy", "cx", "cy")
 _COLOR_KEYS = ("width", "height", *_PINHOLE, "distortion")
 _DEPTH_KEYS = ("units_per_metre", *_COLOR_KEYS, "T_color_depth")
+MILLIMETRES = 1000.0  # units a metre of most sensors
+GUESS = "a guess: replace it"
+NO_REMARKS: Mapping[str, str] = MappingProxyType({})
 _FARTHEST_M = 1.0  # no depth sensor sits farther from its colour camera
 
 
-def read_camera(path: Path, *, has_depth: bool = True) -> Camera:
-    """The colour camera and depth sensor that a camera.toml describes.
+def read_camera(path: Path, *, has_depth: bool = True, units_per_metre: float = 0.0) -> Camera:
+    """The colour camera and depth sensor that a camera.toml, or a file of another tool, describes.
 
-    Of a capture without depth, [depth] may be missing. CameraError names the file, the key, what
-    was expected and what was found.
+    ``units_per_metre`` above 0 replaces what the file says of them. Of a capture without depth,
+    [depth] may be missing. CameraError names the file, the key, what was expected and what was
+    found.
     """
     values, where = _read(path), str(path)
+    if units_per_metre > 0:
+        values = _with_units(values, units_per_metre)
     if not (has_depth or "depth" in values):
         return Camera(_color(values, where), units_per_metre=1.0)
+    if is_tool_file(path) and "depth" not in values:
+        raise _without_units(path, _color(values, where))
     return _camera(values, where)
 
 
 def read_color(path: Path) -> Intrinsics:
-    """The colour camera alone, from a camera.toml whose [depth] may be missing: for photos."""
+    """The colour camera alone, for photos: [depth] may be missing."""
     return _color(_read(path), str(path))
+
+
+def camera_text(camera: Camera, remarks: Mapping[str, str] = NO_REMARKS) -> str:
+    """The camera.toml of a camera; ``remarks``: comments by key, in both tables alike."""
+    depth: dict[str, Any] = {"units_per_metre": camera.units_per_metre}
+    if camera.depth is not None and camera.T_color_depth is not None:
+        rows = [list(row) for row in camera.T_color_depth]
+        depth |= _written(camera.depth) | {"T_color_depth": rows}
+    tables = {"color": _written(camera.color), "depth": depth}
+    return "\n\n".join(
+        "\n".join([f"[{name}]", *_lines(table, remarks)]) for name, table in tables.items()
+    )
+
+
+def _written(intrinsics: Intrinsics) -> dict[str, Any]:
+    values = dataclasses.asdict(intrinsics)
+    distortion = list(values.pop("distortion"))
+    return values | ({"distortion": distortion} if distortion else {})
+
+
+def _lines(table: Mapping[str, Any], remarks: Mapping[str, str]) -> Iterator[str]:
+    for key, value in table.items():
+        yield f"{key} = {value!r}" + (f"  # {remarks[key]}" if key in remarks else "")
 
 
 def preset_camera(name: str) -> Camera:
@@ -54,12 +92,31 @@ def _presets() -> Any:
 
 
 def _read(path: Path) -> dict[str, Any]:
+    if is_tool_file(path):
+        return read_tables(path)
     try:
         return read_toml(path)
     except OSError as error:
         raise CameraError(f"expected a camera file at {path}, found: {error.strerror}") from error
     except ValueError as error:
         raise CameraError(f"expected TOML in {path}, found: {error}") from error
+
+
+def _with_units(values: dict[str, Any], units_per_metre: float) -> dict[str, Any]:
+    depth = values.get("depth", {})
+    if not isinstance(depth, Mapping):
+        return values
+    return values | {"depth": {**depth, "units_per_metre": units_per_metre}}
+
+
+def _without_units(path: Path, color: Intrinsics) -> CameraError:
+    error = CameraError(
+        f"expected the units of depth, found none in {path}, whose format does not tell them; give"
+        " them with --set capture.units_per_metre=1000 where depth is in millimetres, or save the"
+        f" proposed camera.toml in the capture and correct its units_per_metre"
+    )
+    error.add_note(camera_text(Camera(color, MILLIMETRES), {"units_per_metre": GUESS}))
+    return error
 
 
 def _camera(values: Mapping[str, Any], where: str) -> Camera:
@@ -159,6 +216,4 @@ def _required(table: Mapping[str, Any], key: str, kind: str, where: str) -> Any:
 
 
 def _are_numbers(values: Any) -> bool:
-    return isinstance(values, list) and all(
-        type(value) in (int, float) and abs(value) < MOST for value in values
-    )
+    return isinstance(values, list) and all(map(is_number, values))

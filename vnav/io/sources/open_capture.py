@@ -3,19 +3,20 @@
 A new format is one module like `vnav.io.sources.tum` and its name in `FORMATS`.
 """
 
-import dataclasses
 from pathlib import Path
 from typing import Protocol
 
-from vnav.config import CaptureConfig, preset_cameras
+from vnav.config import CaptureConfig
 from vnav.core.camera import LEAST, Camera
 from vnav.core.trajectory import Trajectory
 from vnav.errors import CameraError, CaptureError, ConfigError
+from vnav.io.cameras.tool_files import files_beside
 from vnav.io.formats.camera_file import preset_path, read_camera
 from vnav.io.formats.trajectories import read_tum
 from vnav.io.sources import color_depth, seven_scenes, tum
 from vnav.io.sources.folder_capture import FolderCapture
 from vnav.io.sources.frame_list import FrameList
+from vnav.io.sources.proposed_camera import no_camera
 
 
 class CaptureFormat(Protocol):
@@ -45,13 +46,14 @@ def open_capture(
 ) -> FolderCapture:
     """The capture in a folder, read by the format that recognises it.
 
-    Its camera comes from ``camera_file``, else camera.toml in the folder, else the preset that
-    ``config.preset_camera`` names; ``config.units_per_metre`` above 0 replaces the camera's.
-    CaptureError where there is no capture, CameraError where there is no camera.
+    Its camera comes from ``camera_file``, else camera.toml in the folder, else the file that a
+    tool left there, else the preset that ``config.preset_camera`` names;
+    ``config.units_per_metre`` above 0 replaces the camera's. CaptureError where there is no
+    capture, CameraError where there is no camera.
     """
     reader = _format_of(path)
     frames = reader.list_frames(path, config)
-    camera = _camera(path, config, camera_file, frames.has_depth)
+    camera = _camera(path, config, camera_file, frames)
     return FolderCapture(path, camera, frames, reader.truth_path(path, frames))
 
 
@@ -89,27 +91,35 @@ def _format_of(path: Path) -> CaptureFormat:
     )
 
 
-def camera_path(path: Path, config: CaptureConfig, camera_file: Path | None = None) -> Path:
-    """The camera.toml that is a capture's: see `open_capture`; CameraError where there is none."""
-    beside = path / "camera.toml"
-    if camera_file is not None or beside.is_file():
-        return camera_file or beside
-    if config.preset_camera:
-        return preset_path(config.preset_camera)
-    presets = ", ".join(preset_cameras())
-    raise CameraError(
-        f"expected a camera for {path}, found no camera.toml in it; write one, or name one with"
-        f" --camera FILE, or a preset with --set capture.preset_camera=NAME ({presets})"
-    )
+def camera_path(root: Path, config: CaptureConfig, camera_file: Path | None = None) -> Path | None:
+    """The camera file that is a capture's: see `open_capture`; None where there is none.
+
+    CameraError where tools left several.
+    """
+    own = root / "camera.toml"
+    if camera_file is not None or own.is_file():
+        return camera_file or own
+    beside = files_beside(root)
+    if len(beside) > 1:
+        found = ", ".join(str(path.relative_to(root)) for path in beside)
+        raise CameraError(
+            f"expected one camera file in {root}, found {found}; name one with --camera FILE"
+        )
+    if beside:
+        return beside[0]
+    return preset_path(config.preset_camera) if config.preset_camera else None
 
 
-def _camera(path: Path, config: CaptureConfig, camera_file: Path | None, has_depth: bool) -> Camera:
-    camera = read_camera(camera_path(path, config, camera_file), has_depth=has_depth)
-    if 0 < config.units_per_metre < LEAST:
+def _camera(
+    root: Path, config: CaptureConfig, camera_file: Path | None, frames: FrameList
+) -> Camera:
+    units_per_metre = config.units_per_metre
+    if 0 < units_per_metre < LEAST:
         raise ConfigError(
             f"expected capture.units_per_metre to be 0 or at least {LEAST:g}, found"
-            f" {config.units_per_metre:g}"
+            f" {units_per_metre:g}"
         )
-    if config.units_per_metre > 0:
-        camera = dataclasses.replace(camera, units_per_metre=config.units_per_metre)
-    return camera
+    path = camera_path(root, config, camera_file)
+    if path is None:
+        raise no_camera(root, frames)
+    return read_camera(path, has_depth=frames.has_depth, units_per_metre=units_per_metre)

@@ -1,0 +1,1 @@
+"""Cameras as recorders and other tools write them: one module a format."""

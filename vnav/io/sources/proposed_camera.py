@@ -1,0 +1,57 @@
+"""The camera.toml proposed for a capture that has none: sizes as measured, the rest guessed."""
+
+from collections.abc import Iterable
+from contextlib import suppress
+from pathlib import Path
+
+import numpy as np
+
+from vnav.config import preset_cameras
+from vnav.core.camera import Camera
+from vnav.errors import CameraError, CaptureError
+from vnav.io.formats.camera_file import GUESS, MILLIMETRES, camera_text
+from vnav.io.formats.images import image_size
+from vnav.io.photos.photo_files import estimated_camera
+from vnav.io.sources.frame_list import FrameList
+
+_REMARKS = {
+    "width": "of the first image",
+    "height": "of the first image",
+    "fx": f"{GUESS} by what a calibration or the sensor's software tells",
+    "fy": GUESS,
+    "cx": GUESS,
+    "cy": GUESS,
+    "units_per_metre": f"{GUESS}; 1000 for millimetres, 5000 for TUM RGB-D",
+    "T_color_depth": f"{GUESS}; depth camera to colour camera, in metres",
+}
+
+
+def no_camera(root: Path, frames: FrameList) -> CameraError:
+    """The error that a capture has no camera; its note is a camera.toml to correct and save."""
+    error = CameraError(
+        f"expected a camera for {root}, found no camera.toml in it, nor a camera file of another"
+        f" tool; save the proposed lines as {root / 'camera.toml'} and replace what is guessed, or"
+        " name a file with --camera FILE, or a preset with --set capture.preset_camera=NAME"
+        f" ({', '.join(preset_cameras())})"
+    )
+    color = _first_size(pair.color.path for pair in frames.pairs)
+    depth = _first_size(pair.depth.path for pair in frames.pairs if pair.depth)
+    if color is not None:
+        error.add_note(camera_text(_guessed(color, depth or color), _REMARKS))
+    return error
+
+
+def _guessed(color: tuple[int, int], depth: tuple[int, int]) -> Camera:
+    """Depth of colour's size is taken to be registered; of another, to look the same way."""
+    intrinsics = estimated_camera(color).intrinsics
+    if depth == color:
+        return Camera(intrinsics, MILLIMETRES)
+    T_color_depth = tuple(map(tuple, np.eye(4).tolist()))
+    return Camera(intrinsics, MILLIMETRES, intrinsics.scaled(*depth), T_color_depth)
+
+
+def _first_size(paths: Iterable[Path]) -> tuple[int, int] | None:
+    for path in paths:
+        with suppress(CaptureError):
+            return image_size(path)
+    return None
