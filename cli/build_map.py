@@ -33,7 +33,8 @@ trajectory_option = click.option(
     "trajectory_file",
     metavar="FILE",
     type=click.Path(path_type=Path),
-    help="Poses to build on as they are: TUM lines, camera to world, z up, the capture's clock.",
+    help="Poses to build on as they are: TUM lines, camera to world, z up, the capture's clock; or"
+    " a phone's folder that holds its own.",
 )
 
 

@@ -131,6 +131,7 @@ def main() -> int:
     _open_closed_streams()
     keep_freed()
     os.environ.setdefault("OPENCV_LOG_LEVEL", "SILENT")  # what it finds is told by vnav
+    os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", "-8")  # and so of videos
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):  # which may know few characters
             stream.reconfigure(errors="backslashreplace")

@@ -8,14 +8,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vnav import config
-from vnav.config import Config
+from vnav.config import CaptureConfig, Config
 from vnav.core.camera import Camera, Intrinsics
 from vnav.core.trajectory import Trajectory
 from vnav.errors import PhotoError
-from vnav.io.formats.trajectories import read_tum
 from vnav.io.photos.photo_files import AUTO, PhotoCameraSource
 from vnav.io.sources.capture import Capture
-from vnav.io.sources.open_capture import open_capture
+from vnav.io.sources.open_capture import open_capture, read_poses
 
 AnyPath = str | PathLike[str]
 ConfigSource = Config | AnyPath | None  # None: the defaults
@@ -44,9 +43,9 @@ def capture_of(source: CaptureSource, settings: Config, camera: AnyPath | None) 
 
 
 def trajectory_of(source: TrajectorySource) -> Trajectory:
-    """Poses as they are, or those of a TUM file."""
+    """Poses as they are, those of a TUM file, or those that a recorder stored in its folder."""
     if isinstance(source, str | PathLike):
-        return read_tum(Path(source))
+        return read_poses(Path(source), CaptureConfig())
     return source
 
 

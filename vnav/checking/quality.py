@@ -15,6 +15,7 @@ from vnav.core.frame import Frame
 from vnav.core.progress import Progress
 from vnav.errors import CaptureError
 from vnav.io.formats.images import image_size
+from vnav.io.formats.video import video_size
 from vnav.io.sources.capture import Capture, FileBacked
 from vnav.io.sources.frame_list import ImageFile
 
@@ -77,7 +78,10 @@ def look_at_files(capture: FileBacked, progress: Progress) -> FileFindings:
     count = len(files.pairs)
     images = [pair.color for pair in files.pairs]
     images += [pair.depth for pair in files.pairs if pair.depth is not None]
-    sizes = list(_in_threads(_size_of, images, "reading files", progress))
+    files_of = list({image.path: image for image in images}.values())
+    found = _in_threads(_size_of, files_of, "reading files", progress)
+    size_of = dict(zip((image.path for image in files_of), found, strict=True))
+    sizes = [size_of[image.path] for image in images]
     color, odd_color = _counted(images[:count], sizes[:count])
     depth, odd_depth = _counted(images[count:], sizes[count:])
     return FileFindings(
@@ -170,7 +174,8 @@ def _shares(measures: NDArray[np.float64]) -> tuple[float, float, float]:
 
 def _size_of(image: ImageFile) -> Size | CaptureError:
     try:
-        return image_size(image.path)
+        is_film = image.video_frame is not None
+        return video_size(image.path) if is_film else image_size(image.path)
     except CaptureError as error:
         return error
 

@@ -11,7 +11,7 @@ from vnav.core.arrays import Array
 from vnav.core.association import associate
 from vnav.core.progress import Progress, silent
 from vnav.core.trajectory import Trajectory
-from vnav.errors import PhotoError
+from vnav.errors import CaptureError, PhotoError
 from vnav.evaluation import metrics
 from vnav.io.formats.trajectories import read_photo_poses
 from vnav.io.sources.capture import Capture, FileBacked
@@ -51,6 +51,11 @@ def held_out_queries(
 ) -> list[PosedPhoto]:
     """The frames that `without_held_out` leaves out and that have a true pose."""
     colors = [pair.color for pair in capture.files.pairs][every - 1 :: every]
+    if any(color.video_frame is not None for color in colors):
+        raise CaptureError(
+            f"expected frames that are image files to be held out, found those of {colors[0].path};"
+            " leave out hold_out_every"
+        )
     stamps_s = np.array([color.stamp_s for color in colors])
     matches = associate(stamps_s, truth.stamps_s, max_difference_s)
     return [PosedPhoto(colors[i].path, truth.T_world_camera[j]) for i, j in matches]

@@ -131,6 +131,15 @@ def test_registration_leaves_no_pixel_of_a_surface_empty(enlarged: int) -> None:
     assert (registered[seen] > 0).all()
 
 
+def test_a_grazing_plane_has_no_gaps_in_a_sensor_of_few_pixels() -> None:
+    # At 75 degrees, neighbouring pixels of this sensor differ by tan(75) / 66 = 5.7 % of the depth.
+    coarse = unregistered(sensor=SENSOR.scaled(72, 54))
+    normal = np.array([0.0, np.sin(np.deg2rad(75)), -np.cos(np.deg2rad(75))])
+    raw = stored(depth_of_plane(coarse.depth, normal, -0.4))
+    found = Rectifier(coarse).depth_m(raw)
+    assert (found[20:40, 20:140] > 0).all()
+
+
 def test_a_hole_in_the_depth_image_stays_a_hole() -> None:
     camera = unregistered()
     raw = stored(depth_of_plane(SENSOR, np.array([0, 0, 1.0]), 2.0))

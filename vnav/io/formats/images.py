@@ -7,6 +7,8 @@ warning; so the file's structure is read first: a PNG's chunks and checksums, a 
 import re
 import struct
 import zlib
+from collections.abc import Iterable
+from contextlib import suppress
 from pathlib import Path
 
 import cv2
@@ -43,6 +45,11 @@ def read_depth(path: Path) -> NDArray[np.uint16]:
     return np.asarray(depth, np.uint16)
 
 
+def read_gray(path: Path) -> NDArray[np.uint8]:
+    """An image (H, W) uint8 of grey levels as stored; CaptureError as `read_image`."""
+    return np.asarray(_decoded(path, cv2.IMREAD_GRAYSCALE), np.uint8)
+
+
 def image_size(path: Path) -> tuple[int, int]:
     """Width and height of an image, which is read whole but decoded only if neither PNG nor JPEG.
 
@@ -54,6 +61,14 @@ def image_size(path: Path) -> tuple[int, int]:
         height, width = _decoded(path, cv2.IMREAD_UNCHANGED).shape[:2]
         return width, height
     return size
+
+
+def first_size(paths: Iterable[Path]) -> tuple[int, int] | None:
+    """Width and height of the first image that is whole, None where none is."""
+    for path in paths:
+        with suppress(CaptureError):
+            return image_size(path)
+    return None
 
 
 def is_whole(path: Path) -> bool | None:

@@ -5,7 +5,6 @@ import json
 import os
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict
-from functools import cached_property
 from pathlib import Path
 
 import numpy as np
@@ -14,22 +13,23 @@ from numpy.typing import NDArray
 from vnav.core.arrays import Array
 from vnav.core.camera import Camera
 from vnav.core.frame import Frame, no_depth
+from vnav.core.trajectory import Trajectory
 from vnav.errors import CaptureError
 from vnav.io.files import read_bytes
-from vnav.io.formats.images import read_depth, read_image
-from vnav.io.sources.frame_list import FrameList
-from vnav.io.sources.rectify import Rectifier, rectified
+from vnav.io.formats.images import read_depth, read_gray, read_image
+from vnav.io.formats.video import Video
+from vnav.io.sources.frame_list import FrameList, ImageFile
+from vnav.io.sources.rectify import rectified, rectifier
 
 
 class FolderCapture:
     """Frames from image files: read, undistorted, registered."""
 
-    poses = None
-
     def __init__(
         self, root: Path, camera: Camera, files: FrameList, truth: Path | None = None
     ) -> None:
         self.root, self.camera, self.files, self.truth = root, camera, files, truth
+        self._videos: dict[Path, Video] = {}
 
     @property
     def name(self) -> str:
@@ -40,6 +40,11 @@ class FolderCapture:
     def has_depth(self) -> bool:
         """Whether there are depth images."""
         return self.files.has_depth
+
+    @property
+    def poses(self) -> Trajectory | None:
+        """Those that the recorder stored."""
+        return self.files.poses
 
     def __len__(self) -> int:
         return len(self.files.pairs)
@@ -52,32 +57,51 @@ class FolderCapture:
     def read(self, index: int) -> Frame:
         """One frame, undistorted and registered; CaptureError names a file that is damaged."""
         pair = self.files.pairs[index]
-        color = read_image(pair.color.path)
-        _require_size(pair.color.path, color, self.camera.color.size, "color")
-        color = self._rectifier.color(color)
+        camera = pair.camera or self.camera
+        lens, color = rectifier(camera), self._color(pair.color)
+        _require_size(pair.color.path, color, camera.color.size, "color")
+        color = lens.color(color)
         depth_m = no_depth(*color.shape[:2])
         if pair.depth is not None:
-            raw, sensor = read_depth(pair.depth.path), self.camera.depth or self.camera.color
+            raw, sensor = _believed(pair.depth, pair.confidence), camera.depth or camera.color
             _require_size(pair.depth.path, raw, sensor.size, "depth")
-            depth_m = self._rectifier.depth_m(raw)
-        return Frame(0, index, pair.color.stamp_s, color, depth_m, rectified(self.camera))
+            depth_m = lens.depth_m(raw)
+        return Frame(0, index, pair.color.stamp_s, color, depth_m, rectified(camera))
+
+    def _color(self, image: ImageFile) -> NDArray[np.uint8]:
+        if image.video_frame is None:
+            return read_image(image.path)
+        return self._videos.setdefault(image.path, Video(image.path)).read(image.video_frame)
 
     def fingerprint(self) -> str:
         """A hash of the capture's content: camera, and each frame's times, file names and bytes."""
         files = [image for pair in self.files.pairs for image in pair.images]
+        paths = list(dict.fromkeys(file.path for file in files))
         with ThreadPoolExecutor() as pool:
-            digests = list(pool.map(_digest, [file.path for file in files]))
-        names = [os.path.relpath(file.path, self.root) for file in files]
-        content = [
-            [file.stamp_s, name, digest]
-            for file, name, digest in zip(files, names, digests, strict=True)
-        ]
-        text = json.dumps([asdict(self.camera), content], sort_keys=True)
+            digests = dict(zip(paths, pool.map(_digest, paths), strict=True))
+        content = [[file.stamp_s, _name(file, self.root), digests[file.path]] for file in files]
+        cameras = [asdict(pair.camera) for pair in self.files.pairs if pair.camera]
+        text = json.dumps([asdict(self.camera), content, *cameras], sort_keys=True)
         return hashlib.sha256(text.encode()).hexdigest()
 
-    @cached_property
-    def _rectifier(self) -> Rectifier:
-        return Rectifier(self.camera)
+
+def _believed(depth: ImageFile, confidence: ImageFile | None) -> NDArray[np.uint16]:
+    """Depth as stored, 0 where its confidence is."""
+    raw = read_depth(depth.path)
+    if confidence is None:
+        return raw
+    levels = read_gray(confidence.path)
+    if levels.shape != raw.shape:
+        raise CaptureError(
+            f"expected the confidence {confidence.path} to have the size of {depth.path}, found"
+            f" {levels.shape[::-1]} and {raw.shape[::-1]}"
+        )
+    return np.where(levels > 0, raw, np.uint16(0))
+
+
+def _name(image: ImageFile, root: Path) -> str:
+    name = os.path.relpath(image.path, root)
+    return name if image.video_frame is None else f"{name} {image.video_frame}"
 
 
 def _require_size(

@@ -1,46 +1,74 @@
 """Which colour image goes with which depth image: what every reader of image folders finds."""
 
-from collections.abc import Sequence
+import dataclasses
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
+from vnav.core.camera import Camera
+from vnav.core.trajectory import Trajectory
+
 
 @dataclass(frozen=True)
 class ImageFile:
-    """An image and its time."""
+    """An image and its time: a file, or a frame of a video."""
 
     stamp_s: float
     path: Path
+    video_frame: int | None = None
 
 
 @dataclass(frozen=True)
 class FramePair:
-    """The two images of a frame; no depth in a capture of colour alone."""
+    """The two images of a frame; no depth in a capture of colour alone.
+
+    ``confidence``: an image of depth's size, 0 where depth is not to be believed. ``camera``: the
+    frame's own, where the recorder stored it.
+    """
 
     color: ImageFile
     depth: ImageFile | None
+    confidence: ImageFile | None = None
+    camera: Camera | None = None
 
     @property
     def images(self) -> tuple[ImageFile, ...]:
         """Those there are."""
-        return (self.color,) if self.depth is None else (self.color, self.depth)
+        return tuple(each for each in (self.color, self.depth, self.confidence) if each)
 
 
 @dataclass(frozen=True)
 class FrameList:
-    """The frames of a capture in order of time, and the images that found no partner."""
+    """The frames of a capture in order of time, and the images that found no partner.
+
+    ``poses``: those of the colour camera that the recorder knew, in a world whose z points up.
+    """
 
     pairs: tuple[FramePair, ...]
     dropped_color: tuple[ImageFile, ...] = ()
     dropped_depth: tuple[ImageFile, ...] = ()
+    poses: Trajectory | None = None
 
     @property
     def has_depth(self) -> bool:
         """Whether its frames have depth: all have, or none."""
         return self.pairs[0].depth is not None
+
+    @property
+    def camera(self) -> Camera | None:
+        """The first frame's own, None where frames have none."""
+        return self.pairs[0].camera
+
+    def with_cameras(self, change: Callable[[Camera], Camera]) -> "FrameList":
+        """The same frames, the camera of each changed, where they have their own."""
+        pairs = (
+            dataclasses.replace(pair, camera=change(pair.camera)) if pair.camera else pair
+            for pair in self.pairs
+        )
+        return dataclasses.replace(self, pairs=tuple(pairs))
 
     @property
     def stamps_s(self) -> NDArray[np.float64]:

@@ -6,7 +6,6 @@ import json
 from collections.abc import Sequence, Sized
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict, dataclass
-from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -19,12 +18,11 @@ from vnav.core.camera import Camera, Intrinsics
 from vnav.core.frame import Frame, no_depth
 from vnav.core.trajectory import Trajectory
 from vnav.errors import CameraError, CaptureError, TrajectoryError
-from vnav.io.sources.rectify import Rectifier, StoredDepth, rectified
+from vnav.io.sources.rectify import StoredDepth, rectified, rectifier
 
 Images = Sequence[NDArray[Any]] | NDArray[Any]
 
 _ROUNDED = 1e-3  # how far a rotation may be from orthonormal
-_RECTIFIERS = 4  # kept: one is some megabytes where depth is not registered
 
 
 @dataclass(frozen=True)
@@ -54,11 +52,11 @@ class ArrayCapture:
     def read(self, index: int) -> Frame:
         """One frame, undistorted and registered."""
         camera = self.cameras[index]
-        rectifier = _rectifier(camera)
-        color = rectifier.color(np.ascontiguousarray(self.color[index]))
+        lens = rectifier(camera)
+        color = lens.color(np.ascontiguousarray(self.color[index]))
         depth_m = no_depth(*color.shape[:2])
         if self.depth is not None:
-            depth_m = rectifier.depth_m(_stored(self.depth[index]))
+            depth_m = lens.depth_m(_stored(self.depth[index]))
         return Frame(0, index, float(self.stamps_s[index]), color, depth_m, rectified(camera))
 
     def fingerprint(self) -> str:
@@ -111,11 +109,6 @@ def frames(
     if depth is not None:
         cameras = _with_depth(cameras, depth)
     return ArrayCapture(name, times_s, color, depth, cameras, _trajectory(times_s, poses))
-
-
-@lru_cache(_RECTIFIERS)
-def _rectifier(camera: Camera) -> Rectifier:
-    return Rectifier(camera)
 
 
 def _stored(depth: NDArray[Any]) -> StoredDepth:

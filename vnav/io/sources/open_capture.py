@@ -3,17 +3,18 @@
 A new format is one module like `vnav.io.sources.tum` and its name in `FORMATS`.
 """
 
+import dataclasses
 from pathlib import Path
 from typing import Protocol
 
 from vnav.config import CaptureConfig
 from vnav.core.camera import LEAST, Camera
 from vnav.core.trajectory import Trajectory
-from vnav.errors import CameraError, CaptureError, ConfigError
+from vnav.errors import CameraError, CaptureError, ConfigError, TrajectoryError
 from vnav.io.cameras.tool_files import files_beside
 from vnav.io.formats.camera_file import preset_path, read_camera
 from vnav.io.formats.trajectories import read_tum
-from vnav.io.sources import color_depth, seven_scenes, tum
+from vnav.io.sources import color_depth, seven_scenes, stray_scanner, tum
 from vnav.io.sources.folder_capture import FolderCapture
 from vnav.io.sources.frame_list import FrameList
 from vnav.io.sources.proposed_camera import no_camera
@@ -38,7 +39,7 @@ class CaptureFormat(Protocol):
         """The true trajectory of the colour camera; for scoring only."""
 
 
-FORMATS: tuple[CaptureFormat, ...] = (tum, seven_scenes, color_depth)
+FORMATS: tuple[CaptureFormat, ...] = (tum, seven_scenes, stray_scanner, color_depth)
 
 
 def open_capture(
@@ -46,14 +47,15 @@ def open_capture(
 ) -> FolderCapture:
     """The capture in a folder, read by the format that recognises it.
 
-    Its camera comes from ``camera_file``, else camera.toml in the folder, else the file that a
-    tool left there, else the preset that ``config.preset_camera`` names;
+    Its camera comes from ``camera_file``, else camera.toml in the folder, else the frames
+    themselves, else the file that a tool left there, else the preset that ``config.preset_camera``
+    names;
     ``config.units_per_metre`` above 0 replaces the camera's. CaptureError where there is no
     capture, CameraError where there is no camera.
     """
     reader = _format_of(path)
     frames = reader.list_frames(path, config)
-    camera = _camera(path, config, camera_file, frames)
+    camera, frames = _taken(path, config, camera_file, frames)
     return FolderCapture(path, camera, frames, reader.truth_path(path, frames))
 
 
@@ -61,6 +63,21 @@ def truth_of(path: Path, config: CaptureConfig) -> Path | None:
     """Where the true trajectory of a capture lies, None where it has none."""
     reader = _format_of(path)
     return reader.truth_path(path, reader.list_frames(path, config))
+
+
+def read_poses(path: Path, config: CaptureConfig) -> Trajectory:
+    """Poses of the colour camera from a TUM file, or those that a recorder stored in its folder.
+
+    TrajectoryError where the folder has none.
+    """
+    if not path.is_dir():
+        return read_tum(path)
+    poses = _format_of(path).list_frames(path, config).poses
+    if poses is None:
+        raise TrajectoryError(
+            f"expected poses that the recorder stored in {path}, found none; name a TUM file"
+        )
+    return poses
 
 
 def read_truth(path: Path, config: CaptureConfig, camera_file: Path | None = None) -> Trajectory:
@@ -91,35 +108,38 @@ def _format_of(path: Path) -> CaptureFormat:
     )
 
 
-def camera_path(root: Path, config: CaptureConfig, camera_file: Path | None = None) -> Path | None:
-    """The camera file that is a capture's: see `open_capture`; None where there is none.
-
-    CameraError where tools left several.
-    """
+def _taken(
+    root: Path, config: CaptureConfig, camera_file: Path | None, frames: FrameList
+) -> tuple[Camera, FrameList]:
+    """The camera of a capture, and its frames with the cameras that they have then."""
+    units = config.units_per_metre
+    if 0 < units < LEAST:
+        raise ConfigError(
+            f"expected capture.units_per_metre to be 0 or at least {LEAST:g}, found {units:g}"
+        )
     own = root / "camera.toml"
-    if camera_file is not None or own.is_file():
-        return camera_file or own
+    path = camera_file or (own if own.is_file() else None)
+    if path is None and frames.camera is not None:
+        if units > 0:
+            frames = frames.with_cameras(lambda c: dataclasses.replace(c, units_per_metre=units))
+        assert frames.camera is not None
+        return frames.camera, frames
+    path = path or _left_by_a_tool(root) or _preset(config)
+    if path is None:
+        raise no_camera(root, frames)
+    camera = read_camera(path, has_depth=frames.has_depth, units_per_metre=units)
+    return camera, frames.with_cameras(lambda _: camera)
+
+
+def _left_by_a_tool(root: Path) -> Path | None:
     beside = files_beside(root)
     if len(beside) > 1:
         found = ", ".join(str(path.relative_to(root)) for path in beside)
         raise CameraError(
             f"expected one camera file in {root}, found {found}; name one with --camera FILE"
         )
-    if beside:
-        return beside[0]
+    return beside[0] if beside else None
+
+
+def _preset(config: CaptureConfig) -> Path | None:
     return preset_path(config.preset_camera) if config.preset_camera else None
-
-
-def _camera(
-    root: Path, config: CaptureConfig, camera_file: Path | None, frames: FrameList
-) -> Camera:
-    units_per_metre = config.units_per_metre
-    if 0 < units_per_metre < LEAST:
-        raise ConfigError(
-            f"expected capture.units_per_metre to be 0 or at least {LEAST:g}, found"
-            f" {units_per_metre:g}"
-        )
-    path = camera_path(root, config, camera_file)
-    if path is None:
-        raise no_camera(root, frames)
-    return read_camera(path, has_depth=frames.has_depth, units_per_metre=units_per_metre)

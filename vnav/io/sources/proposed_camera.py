@@ -1,16 +1,14 @@
 """The camera.toml proposed for a capture that has none: sizes as measured, the rest guessed."""
 
-from collections.abc import Iterable
-from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
 
 from vnav.config import preset_cameras
 from vnav.core.camera import Camera
-from vnav.errors import CameraError, CaptureError
+from vnav.errors import CameraError
 from vnav.io.formats.camera_file import GUESS, MILLIMETRES, camera_text
-from vnav.io.formats.images import image_size
+from vnav.io.formats.images import first_size
 from vnav.io.photos.photo_files import estimated_camera
 from vnav.io.sources.frame_list import FrameList
 
@@ -34,8 +32,8 @@ def no_camera(root: Path, frames: FrameList) -> CameraError:
         " name a file with --camera FILE, or a preset with --set capture.preset_camera=NAME"
         f" ({', '.join(preset_cameras())})"
     )
-    color = _first_size(pair.color.path for pair in frames.pairs)
-    depth = _first_size(pair.depth.path for pair in frames.pairs if pair.depth)
+    color = first_size(pair.color.path for pair in frames.pairs)
+    depth = first_size(pair.depth.path for pair in frames.pairs if pair.depth)
     if color is not None:
         error.add_note(camera_text(_guessed(color, depth or color), _REMARKS))
     return error
@@ -48,10 +46,3 @@ def _guessed(color: tuple[int, int], depth: tuple[int, int]) -> Camera:
         return Camera(intrinsics, MILLIMETRES)
     T_color_depth = tuple(map(tuple, np.eye(4).tolist()))
     return Camera(intrinsics, MILLIMETRES, intrinsics.scaled(*depth), T_color_depth)
-
-
-def _first_size(paths: Iterable[Path]) -> tuple[int, int] | None:
-    for path in paths:
-        with suppress(CaptureError):
-            return image_size(path)
-    return None

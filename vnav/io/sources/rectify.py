@@ -6,6 +6,7 @@ nothing was measured.
 """
 
 import dataclasses
+from functools import lru_cache
 from typing import cast
 
 import cv2
@@ -48,6 +49,12 @@ def resampled(frame: Frame, intrinsics: Intrinsics) -> Frame:
         np.asarray(frame.depth_m), frame_from_wanted, intrinsics.size, flags=nearest
     )
     return dataclasses.replace(frame, color=color, depth_m=depth_m, intrinsics=intrinsics)
+
+
+@lru_cache(4)  # each is some megabytes where depth is not registered
+def rectifier(camera: Camera) -> "Rectifier":
+    """That of a camera; the last few are kept."""
+    return Rectifier(camera)
 
 
 class Rectifier:
@@ -93,6 +100,8 @@ class DepthWarp:
         K, R, t = camera.color.K, T_color_depth[:3, :3], T_color_depth[:3, 3]
         self._rays = (pixels @ (K @ R @ np.linalg.inv(camera.depth.K)).T).astype(np.float32)
         self._offset = (K @ t).astype(np.float32)
+        focal_px = min(camera.depth.fx, camera.depth.fy)
+        self._slant = max(warp.LEAST_SLANT, warp.SLANT_PX / focal_px)
 
     def __call__(self, depth_m: NDArray[np.float32]) -> NDArray[np.float32]:
         """Depth (H, W) float32 seen from the colour camera, metres, 0 where none."""
@@ -100,7 +109,7 @@ class DepthWarp:
         inverse_depth = np.zeros((height, width), np.float32)
         uvi = np.empty_like(self._rays)
         self._loops.place(depth_m, self._rays, self._offset, uvi, inverse_depth)
-        self._loops.draw(uvi, inverse_depth)
+        self._loops.draw(uvi, inverse_depth, self._slant)
         inverse_depth = np.abs(inverse_depth)
         result = np.zeros_like(inverse_depth)
         return np.divide(1, inverse_depth, out=result, where=inverse_depth > 0)

@@ -9,9 +9,10 @@ Image = NDArray[np.float32]
 Corner = tuple[float, float, float]  # column, row, inverse depth
 
 # Neighbours belong to one surface where their depths differ by less than a slanted surface explains
-# (1 % of the depth: about 80 degrees) plus what the noise of a structured-light sensor does, which
-# grows with depth squared (6 mm at 1 m: two disparity steps). In inverse depth: SLANT * i + NOISE.
-_SLANT, _NOISE_PER_M = 0.01, 0.006
+# (80 degrees: 1 % of the depth at 585 px) plus what the noise of a structured-light sensor does,
+# which grows with depth squared (6 mm at 1 m: two disparity steps). In inverse depth:
+# slant * i + NOISE.
+LEAST_SLANT, SLANT_PX, _NOISE_PER_M = 0.01, 5.85, 0.006
 _ON_EDGE = 1e-4  # share of a triangle: a pixel centre on a common edge belongs to both
 
 
@@ -41,8 +42,10 @@ def place(depth_m: Image, rays: Image, offset: Image, uvi: Image, inverse_depth:
 
 
 @compiled
-def draw(uvi: Image, inverse_depth: Image) -> None:
+def draw(uvi: Image, inverse_depth: Image, slant: float) -> None:
     """Draw the surface between neighbouring depth pixels, the nearest where several overlap.
+
+    ``slant``: by which share of their depth neighbours on one surface may differ.
 
     Two triangles for each square of four pixels, their inverse depth interpolated linearly, which
     is exact on planes. A surface replaces the lone points that `place` entered.
@@ -51,7 +54,8 @@ def draw(uvi: Image, inverse_depth: Image) -> None:
         for c in range(uvi.shape[1] - 1):
             a, b = _corner(uvi, r, c), _corner(uvi, r, c + 1)
             d, e = _corner(uvi, r + 1, c), _corner(uvi, r + 1, c + 1)
-            upper, lower = _joined(a[2], b[2], d[2]), _joined(e[2], d[2], b[2])
+            upper = _joined(a[2], b[2], d[2], slant)
+            lower = _joined(e[2], d[2], b[2], slant)
             if upper or lower:
                 _draw_square(a if upper else b, b, d, e if lower else d, inverse_depth)
 
@@ -62,9 +66,9 @@ def _corner(uvi: Image, r: int, c: int) -> Corner:
 
 
 @compiled
-def _joined(i: float, j: float, k: float) -> bool:
+def _joined(i: float, j: float, k: float, slant: float) -> bool:
     low, high = min(i, min(j, k)), max(i, max(j, k))
-    return low > 0 and high - low < _SLANT * high + _NOISE_PER_M
+    return low > 0 and high - low < slant * high + _NOISE_PER_M
 
 
 @compiled
