@@ -1,6 +1,7 @@
 """What every source of frames must hold: a new one adds a line to SOURCES, a new format of image
 files a line to WRITERS."""
 
+import json
 import os
 import shutil
 from collections.abc import Callable
@@ -67,7 +68,7 @@ def recorded() -> Recording:
 def write(root: Path, recording: Recording, k: int, color_name: str, depth_name: str) -> None:
     images = recording.color[k, ..., ::-1], recording.depth[k]
     for name, image in zip((color_name, depth_name), images, strict=True):
-        (root / name).parent.mkdir(exist_ok=True)
+        (root / name).parent.mkdir(parents=True, exist_ok=True)
         cv2.imwrite(str(root / name), image)
 
 
@@ -103,6 +104,18 @@ def write_stray_scanner(root: Path, recording: Recording) -> None:
     (root / "camera_matrix.csv").write_text("30.0, 0.0, 16.0\n0.0, 30.0, 12.0\n0.0, 0.0, 1.0")
 
 
+def write_polycam(root: Path, recording: Recording) -> None:
+    (root / "keyframes").mkdir(exist_ok=True)
+    camera = {"width": WIDTH, "height": HEIGHT, "fx": 30.0, "fy": 30.0, "cx": 16.0, "cy": 12.0}
+    pose = {f"t_{r}{c}": float(r == c) for r in range(3) for c in range(4)}
+    (root / "keyframes" / "cameras").mkdir(exist_ok=True)
+    for k in range(FRAMES):
+        name = str(1_000_000 + 100_000 * k)
+        write(root, recording, k, f"keyframes/images/{name}.png", f"keyframes/depth/{name}.png")
+        text = json.dumps(camera | pose | {"t_23": -k / 10})
+        (root / "keyframes" / "cameras" / f"{name}.json").write_text(text)
+
+
 def write_color_depth(root: Path, recording: Recording) -> None:
     for k in range(FRAMES):
         write(root, recording, k, f"color/{k:05d}.png", f"depth/{k:05d}.png")
@@ -112,6 +125,7 @@ WRITERS: dict[str, Callable[[Path, Recording], None]] = {
     "TUM RGB-D": write_tum,
     "7-Scenes": write_seven_scenes,
     "Stray Scanner": write_stray_scanner,
+    "Polycam": write_polycam,
     "colour and depth folders": write_color_depth,
 }
 

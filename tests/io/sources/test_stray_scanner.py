@@ -5,6 +5,7 @@ import cv2
 import numpy as np
 import pytest
 
+from vnav.api.arguments import trajectory_of
 from vnav.config import CaptureConfig, Config
 from vnav.core import se3
 from vnav.core.camera import Camera, Intrinsics
@@ -109,7 +110,7 @@ def test_odometry_is_that_of_the_same_frames_from_elsewhere(
 def test_poses_are_those_of_the_phone_in_a_world_whose_z_points_up(
     folder: Path, scan: Scan
 ) -> None:
-    for poses in (opened(folder).poses, read_poses(folder, CONFIG)):
+    for poses in (opened(folder).poses, read_poses(folder, CONFIG), trajectory_of(str(folder))):
         np.testing.assert_allclose(poses.T_world_camera, scan.T_world_camera, atol=1e-12)
         np.testing.assert_array_equal(poses.stamps_s, scan.stamps_s)
 

@@ -14,7 +14,7 @@ from vnav.errors import CameraError, CaptureError, ConfigError, TrajectoryError
 from vnav.io.cameras.tool_files import files_beside
 from vnav.io.formats.camera_file import preset_path, read_camera
 from vnav.io.formats.trajectories import read_tum
-from vnav.io.sources import color_depth, seven_scenes, stray_scanner, tum
+from vnav.io.sources import color_depth, polycam, seven_scenes, stray_scanner, tum
 from vnav.io.sources.folder_capture import FolderCapture
 from vnav.io.sources.frame_list import FrameList
 from vnav.io.sources.proposed_camera import no_camera
@@ -39,7 +39,7 @@ class CaptureFormat(Protocol):
         """The true trajectory of the colour camera; for scoring only."""
 
 
-FORMATS: tuple[CaptureFormat, ...] = (tum, seven_scenes, stray_scanner, color_depth)
+FORMATS: tuple[CaptureFormat, ...] = (tum, seven_scenes, stray_scanner, polycam, color_depth)
 
 
 def open_capture(
