@@ -89,6 +89,18 @@ class Camera:
         return self.depth is None
 
 
+AT_COLOR = tuple(map(tuple, np.eye(4).tolist()))  # T_color_depth of depth that is registered
+
+
+def registered_camera(
+    color: Intrinsics, units_per_metre: float, depth_size: tuple[int, int]
+) -> Camera:
+    """The camera of depth with colour's axis and view, in images of this size (width, height)."""
+    if depth_size == color.size:
+        return Camera(color, units_per_metre)
+    return Camera(color, units_per_metre, color.scaled(*depth_size), AT_COLOR)
+
+
 @dataclass(frozen=True)
 class PhotoCamera:
     """The intrinsics to start from, where they come from, and how well the focal length is known.

@@ -1,5 +1,6 @@
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from vnav import config
@@ -59,6 +60,14 @@ def test_an_unregistered_depth_camera_has_the_size_of_the_colour_camera_unless_i
     )
     assert smaller.depth is not None
     assert smaller.depth.size == (320, 240)
+
+
+def test_registered_depth_of_another_size_has_the_view_of_colour(written) -> None:
+    camera = read_camera(written(COLOR + UNITS + "width = 320\nheight = 240\n"))
+    assert camera.depth == camera.color.scaled(320, 240)
+    assert camera.T_color_depth == tuple(map(tuple, np.eye(4)))
+    same = read_camera(written(COLOR + UNITS + "width = 640\nheight = 480\n"))
+    assert same.is_registered
 
 
 def test_four_or_five_distortion_coefficients_are_read_and_zeros_mean_none(written) -> None:

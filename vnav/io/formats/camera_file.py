@@ -14,7 +14,7 @@ from typing import Any
 
 from vnav.config import preset_cameras
 from vnav.core import se3
-from vnav.core.camera import LEAST, MOST_SIDE_PX, Camera, Intrinsics
+from vnav.core.camera import LEAST, MOST_SIDE_PX, Camera, Intrinsics, registered_camera
 from vnav.errors import CameraError
 from vnav.io.cameras.tables import is_number
 from vnav.io.cameras.tool_files import is_tool_file, read_tables
@@ -123,9 +123,10 @@ def _camera(values: Mapping[str, Any], where: str) -> Camera:
     color = _color(values, where)
     depth = _table(values, "depth", _DEPTH_KEYS, where)
     units = _number(depth, "units_per_metre", f"[depth] of {where}", positive=True)
-    if not any(key in depth for key in (*_PINHOLE, "T_color_depth")):
-        return Camera(color, units)
     size = {"width": color.width, "height": color.height}
+    if not any(key in depth for key in (*_PINHOLE, "T_color_depth")):
+        width, height = (_pixels(size | dict(depth), k, f"[depth] of {where}") for k in size)
+        return registered_camera(color, units, (width, height))
     sensor = _intrinsics(size | dict(depth), f"[depth] of {where}")
     return Camera(color, units, sensor, _transform(depth, f"[depth] of {where}"))
 

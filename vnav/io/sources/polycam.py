@@ -17,13 +17,13 @@ import numpy as np
 from vnav.config import CaptureConfig
 from vnav.core import se3
 from vnav.core.arrays import Array
-from vnav.core.camera import Intrinsics
+from vnav.core.camera import Intrinsics, registered_camera
 from vnav.core.trajectory import Trajectory
 from vnav.errors import CameraError, CaptureError, TrajectoryError
 from vnav.io.cameras.tables import from_corner, is_number
 from vnav.io.files import read_text
 from vnav.io.formats.images import first_size
-from vnav.io.sources.arkit import phone_camera, upright
+from vnav.io.sources.arkit import MILLIMETRES, upright
 from vnav.io.sources.frame_list import FrameList, FramePair, ImageFile
 from vnav.io.sources.tum import read_truth as read_truth  # groundtruth.txt, as there
 from vnav.io.sources.tum import truth_path as truth_path
@@ -63,7 +63,7 @@ def list_frames(root: Path, config: CaptureConfig) -> FrameList:
             color,
             _beside(root, _DEPTH, color),
             _beside(root, _CONFIDENCE, color) if has_confidence else None,
-            phone_camera(_intrinsics(_file(root, _CAMERAS, color)), depth_size),
+            registered_camera(_intrinsics(_file(root, _CAMERAS, color)), MILLIMETRES, depth_size),
         )
         for color in whole
     ]

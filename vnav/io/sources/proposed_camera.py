@@ -2,10 +2,8 @@
 
 from pathlib import Path
 
-import numpy as np
-
 from vnav.config import preset_cameras
-from vnav.core.camera import Camera
+from vnav.core.camera import Camera, registered_camera
 from vnav.errors import CameraError
 from vnav.io.formats.camera_file import GUESS, MILLIMETRES, camera_text
 from vnav.io.formats.images import first_size
@@ -41,8 +39,4 @@ def no_camera(root: Path, frames: FrameList) -> CameraError:
 
 def _guessed(color: tuple[int, int], depth: tuple[int, int]) -> Camera:
     """Depth of colour's size is taken to be registered; of another, to look the same way."""
-    intrinsics = estimated_camera(color).intrinsics
-    if depth == color:
-        return Camera(intrinsics, MILLIMETRES)
-    T_color_depth = tuple(map(tuple, np.eye(4).tolist()))
-    return Camera(intrinsics, MILLIMETRES, intrinsics.scaled(*depth), T_color_depth)
+    return registered_camera(estimated_camera(color).intrinsics, MILLIMETRES, depth)
