@@ -1,6 +1,6 @@
 import numpy as np
 
-from vnav.core.camera import Camera, Intrinsics
+from vnav.core.camera import Camera, Intrinsics, registered_camera
 
 CAMERA = Intrinsics(640, 480, 525.0, 520.0, 319.5, 239.5)
 
@@ -44,6 +44,13 @@ def test_the_calibration_matrix_projects() -> None:
     point = np.array([0.3, -0.2, 1.7])
     u, v, w = CAMERA.K @ point
     np.testing.assert_allclose([u / w, v / w], CAMERA.project(point))
+
+
+def test_depth_of_fewer_pixels_with_the_view_of_colour_is_registered() -> None:
+    coarse = registered_camera(CAMERA, 1000.0, (CAMERA.width // 2, CAMERA.height // 2))
+    assert coarse.depth == CAMERA.scaled(CAMERA.width // 2, CAMERA.height // 2)
+    assert coarse.is_registered
+    assert registered_camera(CAMERA, 1000.0, CAMERA.size) == Camera(CAMERA, 1000.0)
 
 
 def test_a_camera_without_depth_intrinsics_is_registered() -> None:

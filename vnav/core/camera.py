@@ -75,7 +75,7 @@ class Camera:
     """A colour camera and the depth sensor beside it.
 
     ``depth`` and ``T_color_depth`` (4x4 nested tuples, depth camera coordinates to colour camera
-    coordinates) are None where depth is registered to colour.
+    coordinates) are None where each depth pixel lies on a colour pixel.
     """
 
     color: Intrinsics
@@ -85,8 +85,10 @@ class Camera:
 
     @property
     def is_registered(self) -> bool:
-        """Whether depth pixels already lie on colour pixels."""
-        return self.depth is None
+        """Whether depth has the axis and the view of colour, in as many pixels or others."""
+        if self.depth is None:
+            return True
+        return self == registered_camera(self.color, self.units_per_metre, self.depth.size)
 
 
 AT_COLOR = tuple(map(tuple, np.eye(4).tolist()))  # T_color_depth of depth that is registered
