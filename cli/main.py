@@ -6,6 +6,7 @@ import sys
 from contextlib import suppress
 from difflib import get_close_matches
 from importlib import import_module
+from keyword import iskeyword
 from pathlib import Path
 
 import click
@@ -32,6 +33,7 @@ COMMANDS = {  # section of the help: command: its module
     "Look at a map": {"info": "info", "report": "report"},
     "Check captures, results and settings": {
         "check": "check",
+        "import": "import_recording",
         "score": "score",
         "evaluate": "evaluate",
         "datasets": "datasets",
@@ -61,8 +63,8 @@ class LazyGroup(click.Group):
             return None
         if cmd_name not in QUICK:
             loaded()
-        part = import_module(f"vnav.cli.{module}")
-        command: click.Command = getattr(part, cmd_name.replace("-", "_"))
+        part, name = import_module(f"vnav.cli.{module}"), cmd_name.replace("-", "_")
+        command: click.Command = getattr(part, f"{name}_" if iskeyword(name) else name)
         logs.add_options(command)
         return command
 

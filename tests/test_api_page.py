@@ -6,6 +6,8 @@ from pathlib import Path
 
 import pytest
 
+from tests.io.recordings.bags import recorded, write_ros1
+
 PAGE = Path(__file__).parent.parent / "docs" / "api.md"
 
 
@@ -18,6 +20,7 @@ def test_the_examples_of_the_api_page_run(
 ) -> None:
     (tmp_path / "my_capture").symlink_to(tiny_capture)
     (tmp_path / "my_other_capture").symlink_to(other_capture)
+    write_ros1(tmp_path / "my_recording", recorded(tiny_capture, 3))
     for name, source in {"photo": "000", "goal": "001"}.items():
         shutil.copy(tiny_capture / "photos" / f"{source}.jpg", tmp_path / f"{name}.jpg")
     shutil.copy(tiny_capture / "photos" / "camera.toml", tmp_path)

@@ -38,6 +38,8 @@ OWNERS = {
     "gtsam": {f"vnav.optimisation.{name}" for name in ("pose_graph", "bundle", "bundle_graph")},
     "octomap": {"vnav.volumes.octree"},
     "pillow_heif": {"vnav.io.photos.heic"},
+    "rosbags": {"vnav.io.recordings.ros_bag"},
+    "apsw": {"vnav.io.recordings.ros_bag"},
     "open3d": {"vnav.volumes"},
     "sklearn": {"vnav.vocabulary"},
     "click": {"vnav.cli"},

@@ -1,7 +1,8 @@
 """Every command line that README and docs show is run.
 
 A ``console`` block's lines that begin with "$ " are run in order, a document in one folder, where
-my_capture, my_other_capture, photo.jpg, goal.jpg and my_suite.toml lie; each must exit with 0.
+my_capture, my_other_capture, my_recording.bag, photo.jpg, goal.jpg and my_suite.toml lie; each must
+exit with 0.
 ``sh`` blocks need a network, or minutes, and are not run.
 """
 
@@ -13,6 +14,8 @@ import sys
 from pathlib import Path
 
 import pytest
+
+from tests.io.recordings.bags import recorded, write_ros1
 
 ROOT = Path(__file__).parent.parent
 DOCUMENTS = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
@@ -38,6 +41,7 @@ def test_the_commands_of_a_document_run(
 ) -> None:
     (tmp_path / "my_capture").symlink_to(tiny_capture)
     (tmp_path / "my_other_capture").symlink_to(other_capture)
+    write_ros1(tmp_path / "my_recording", recorded(tiny_capture, 12))
     photos = sorted((tiny_capture / "photos").glob("*.jpg"))
     for name, photo in zip(("photo.jpg", "goal.jpg"), photos, strict=False):
         shutil.copy(photo, tmp_path / name)

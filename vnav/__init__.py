@@ -20,6 +20,7 @@ from vnav.errors import (
 
 if TYPE_CHECKING:
     from vnav.api.building import build_map, extend_map, open_capture
+    from vnav.api.importing import import_capture
     from vnav.api.judging import check, compare_trackers, evaluate, score
     from vnav.api.map import Map, open_map
     from vnav.config import Config
@@ -27,6 +28,7 @@ if TYPE_CHECKING:
     from vnav.core.camera import Camera, Intrinsics
     from vnav.core.trajectory import Trajectory
     from vnav.io.photos.arriving import arriving_photos
+    from vnav.io.recordings.importing import ImportedCapture
     from vnav.io.sources.capture import Capture
     from vnav.io.sources.memory import frames
     from vnav.localisation.verdict.answer import PhotoAnswer, UnreadablePhoto
@@ -41,6 +43,7 @@ __all__ = [
     "Config",
     "ConfigError",
     "DatasetError",
+    "ImportedCapture",
     "Intrinsics",
     "Map",
     "MapError",
@@ -59,6 +62,7 @@ __all__ = [
     "evaluate",
     "extend_map",
     "frames",
+    "import_capture",
     "load_config",
     "open_capture",
     "open_map",
@@ -69,6 +73,7 @@ _PLACES = {
     "Camera": "vnav.core.camera:Camera",
     "Capture": "vnav.io.sources.capture:Capture",
     "Config": "vnav.config:Config",
+    "ImportedCapture": "vnav.io.recordings.importing:ImportedCapture",
     "Intrinsics": "vnav.core.camera:Intrinsics",
     "Map": "vnav.api.map:Map",
     "PhotoAnswer": "vnav.localisation.verdict.answer:PhotoAnswer",
@@ -82,6 +87,7 @@ _PLACES = {
     "evaluate": "vnav.api.judging:evaluate",
     "extend_map": "vnav.api.building:extend_map",
     "frames": "vnav.io.sources.memory:frames",
+    "import_capture": "vnav.api.importing:import_capture",
     "load_config": "vnav.config:load",
     "open_capture": "vnav.api.building:open_capture",
     "open_map": "vnav.api.map:open_map",

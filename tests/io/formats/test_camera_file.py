@@ -7,7 +7,7 @@ from vnav import config
 from vnav.config import preset_cameras
 from vnav.core.camera import Camera, Intrinsics
 from vnav.errors import CameraError
-from vnav.io.formats.camera_file import preset_camera, read_camera, read_color
+from vnav.io.formats.camera_file import camera_text, preset_camera, read_camera, read_color
 
 COLOR = """
 [color]
@@ -152,3 +152,14 @@ def test_every_camera_has_a_preset_of_its_name_that_uses_it() -> None:
     assert preset_cameras()
     for name in preset_cameras():
         assert config.load(name).capture.preset_camera == name
+
+
+@pytest.mark.parametrize("has_own_depth", [False, True])
+def test_a_camera_that_is_written_is_read_the_same(has_own_depth: bool, tmp_path: Path) -> None:
+    color = Intrinsics(640, 480, 525.1, 1 / 3, 319.5, 239.5, (0.1, -0.2, 0.001, 0.0, 1e-17))
+    T_color_depth = ((1.0, 0.0, 0.0, -0.025), (0.0, 1.0, 0.0, 1e-9), (0.0, 0.0, 1.0, 0.0))
+    own = (Intrinsics(32, 24, 9.0, 9.5, 15.5, 11.5), (*T_color_depth, (0.0, 0.0, 0.0, 1.0)))
+    camera = Camera(color, 5000.0, *(own if has_own_depth else ()))
+    path = tmp_path / "camera.toml"
+    path.write_text(camera_text(camera))
+    assert read_camera(path) == camera

@@ -56,7 +56,7 @@ def image_size(path: Path) -> tuple[int, int]:
     CaptureError as `read_image`: a file that passes is whole.
     """
     data = _content(path)
-    size = _size_if_whole(data, path)
+    size = size_if_whole(data, path)
     if size is None:
         height, width = _decoded(path, cv2.IMREAD_UNCHANGED).shape[:2]
         return width, height
@@ -71,6 +71,23 @@ def first_size(paths: Iterable[Path]) -> tuple[int, int] | None:
     return None
 
 
+def size_if_whole(data: bytes, where: object) -> tuple[int, int] | None:
+    """Width and height of a PNG or JPEG; None for other formats, CaptureError if cut or altered.
+
+    ``where`` the bytes come from is told.
+    """
+    try:
+        if data.startswith(_PNG):
+            return _png_size(data)
+        if data.startswith(_JPEG):
+            return _jpeg_size(data)
+    except (struct.error, IndexError) as error:
+        raise CaptureError(f"expected a whole image in {where}, found a truncated file") from error
+    except ValueError as error:
+        raise CaptureError(f"expected a whole image in {where}, found {error}") from error
+    return None
+
+
 def is_whole(path: Path) -> bool | None:
     """Whether a file is a whole image, as PNG and JPEG tell; None of another format.
 
@@ -78,14 +95,14 @@ def is_whole(path: Path) -> bool | None:
     """
     try:
         data = _content(path)
-        return bool(_size_if_whole(data, path)) or (None if data else False)
+        return bool(size_if_whole(data, path)) or (None if data else False)
     except CaptureError:
         return False
 
 
 def _decoded(path: Path, flags: int) -> NDArray[np.generic]:
     data = _content(path)
-    _size_if_whole(data, path)
+    size_if_whole(data, path)
     try:
         image = cv2.imdecode(np.frombuffer(data, np.uint8), flags) if data else None
     except cv2.error:  # an image larger than OpenCV accepts
@@ -100,20 +117,6 @@ def _content(path: Path) -> bytes:
         return read_bytes(path)
     except OSError as error:
         raise CaptureError(f"expected an image at {path}, found: {error.strerror}") from error
-
-
-def _size_if_whole(data: bytes, path: Path) -> tuple[int, int] | None:
-    """Width and height of a PNG or JPEG; None for other formats, CaptureError if cut or altered."""
-    try:
-        if data.startswith(_PNG):
-            return _png_size(data)
-        if data.startswith(_JPEG):
-            return _jpeg_size(data)
-    except (struct.error, IndexError) as error:
-        raise CaptureError(f"expected a whole image in {path}, found a truncated file") from error
-    except ValueError as error:
-        raise CaptureError(f"expected a whole image in {path}, found {error}") from error
-    return None
 
 
 def _png_size(data: bytes) -> tuple[int, int]:

@@ -14,6 +14,7 @@ from vnav.errors import CameraError, CaptureError, ConfigError, TrajectoryError
 from vnav.io.cameras.tool_files import files_beside
 from vnav.io.formats.camera_file import preset_path, read_camera
 from vnav.io.formats.trajectories import read_tum
+from vnav.io.recordings.ros_bag import is_ros_bag
 from vnav.io.sources import color_depth, polycam, seven_scenes, stray_scanner, tum
 from vnav.io.sources.folder_capture import FolderCapture
 from vnav.io.sources.frame_list import FrameList
@@ -93,18 +94,29 @@ def read_truth(path: Path, config: CaptureConfig, camera_file: Path | None = Non
     return _format_of(path).read_truth(capture.truth, capture.files, capture.camera)
 
 
+def recognised(path: Path) -> CaptureFormat | None:
+    """The format that a path is a capture folder of, None where it is none."""
+    formats = FORMATS if path.is_dir() else ()
+    return next((reader for reader in formats if reader.recognises(path)), None)
+
+
 def _format_of(path: Path) -> CaptureFormat:
+    if (reader := recognised(path)) is not None:
+        return reader
+    if path.exists() and is_ros_bag(path):
+        raise CaptureError(
+            f"expected a capture folder at {path}, found a recording of ROS; make a folder of it"
+            f" with 'vnav import {path} FOLDER', and name that"
+        )
     if not path.is_dir():
-        found = "a file" if path.exists() else "nothing"
-        raise CaptureError(f"expected a capture folder at {path}, found {found}")
-    for candidate in FORMATS:
-        if candidate.recognises(path):
-            return candidate
+        kind = "a file" if path.exists() else "nothing"
+        raise CaptureError(f"expected a capture folder at {path}, found {kind}")
     known = "; ".join(f"{reader.LAYOUT} ({reader.NAME})" for reader in FORMATS)
     entries = sorted(entry.name for entry in path.iterdir())
-    found = ", ".join(entries[:5]) + (" ..." if len(entries) > 5 else "")
+    inside = ", ".join(entries[:5]) + (" ..." if len(entries) > 5 else "")
     raise CaptureError(
-        f"expected a capture in {path}, that is one of: {known}; found {found or 'an empty folder'}"
+        f"expected a capture in {path}, that is one of: {known}; found"
+        f" {inside or 'an empty folder'}"
     )
 
 
