@@ -18,22 +18,31 @@ from vnav.io.store.export import PARTS
     show_default="the current folder",
     help="Folder to write to.",
 )
-def export(map_dir: Path, out: Path, **formats: tuple[str, ...]) -> None:
+@click.option("--all", "everything", is_flag=True, help="Every part in every format.")
+def export(map_dir: Path, out: Path, everything: bool, **formats: tuple[str, ...]) -> None:
     """Write parts of a map in the formats asked for; several at once, also of one part.
 
     \b
     vnav export my-map --trajectory tum --cloud ply --out for-others
     vnav export --map my-map --octomap bt --octomap ot
+    vnav export my-map --all --out for-others
     """
     from vnav.api.map import open_map
 
-    wanted = {part: forms for part, forms in formats.items() if forms}
+    every = {name: tuple(part.formats) for name, part in PARTS.items()}
+    wanted = every if everything else {part: forms for part, forms in formats.items() if forms}
     if not wanted:
         names = ", ".join(f"--{part}" for part in PARTS)
-        raise click.UsageError(f"expected at least one of {names}")
+        raise click.UsageError(f"expected at least one of {names}, or --all")
     for part, paths in open_map(map_dir).export(out, wanted).items():
         for path in paths:
-            say(f"{part:12}{path} ({path.stat().st_size / 1e6:.2f} MB)")
+            say(f"{part:12}{path} ({_size_mb(path):.2f} MB)")
+
+
+def _size_mb(path: Path) -> float:
+    """Of a file, or of the files of a folder."""
+    files = path.iterdir() if path.is_dir() else [path]
+    return sum(file.stat().st_size for file in files) / 1e6
 
 
 export.params += [

@@ -40,6 +40,7 @@ OWNERS = {
     "pillow_heif": {"vnav.io.photos.heic"},
     "rosbags": {"vnav.io.recordings.ros_bag"},
     "apsw": {"vnav.io.recordings.ros_bag"},
+    "laspy": {"vnav.io.formats.las"},
     "open3d": {"vnav.volumes"},
     "sklearn": {"vnav.vocabulary"},
     "click": {"vnav.cli"},

@@ -110,6 +110,15 @@ def test_export_writes_several_parts_at_once_and_says_what(fused_map: Path, tmp_
     assert cv2.imread(str(out / "grid.pgm"), cv2.IMREAD_GRAYSCALE) is not None
 
 
+def test_all_is_every_part_in_every_format(fused_map: Path, tmp_path: Path) -> None:
+    result = run("export", fused_map, "--all", "--out", tmp_path)
+    names = {str(p.relative_to(tmp_path)) for p in tmp_path.rglob("*") if p.is_file()}
+    for suffix in ("tum", "kitti", "ply", "las", "bt", "ot", "pgm", "obj", "glb", "g2o"):
+        assert any(name.endswith(f".{suffix}") for name in names), suffix
+    assert {"sparse/0/cameras.txt", "transforms.json", "images/000000.jpg"} <= names
+    assert f"colmap      {tmp_path / 'images'} (" in result.output
+
+
 def test_a_kitti_trajectory_has_the_same_poses_and_times_beside_it(
     fused_map: Path, tmp_path: Path
 ) -> None:

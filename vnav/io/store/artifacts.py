@@ -171,11 +171,17 @@ def load_keyframe(folder: MapFolder, row: int, frames: FrameTable, beside_px: in
 
     What moves has no depth, nor what is beside it; see `load_keyframe_depth`.
     """
-    color = _keyframe_image(folder, row, "jpg", cv2.IMREAD_COLOR_RGB)
+    color = load_keyframe_color(folder, row)
     key = int(frames.capture[row]), int(frames.index[row])
     depth_m = load_keyframe_depth(folder, row, beside_px)
     intrinsics = map_camera(folder, key[0])
     return Frame(*key, float(frames.stamp_s[row]), color, depth_m, intrinsics)
+
+
+def load_keyframe_color(folder: MapFolder, row: int) -> NDArray[np.uint8]:
+    """A keyframe's colour (H, W, 3), RGB; MapError where missing."""
+    color: NDArray[np.uint8] = _keyframe_image(folder, row, "jpg", cv2.IMREAD_COLOR_RGB)
+    return color
 
 
 def load_keyframe_depth(folder: MapFolder, row: int, beside_px: int = 0) -> NDArray[np.float32]:
