@@ -54,6 +54,12 @@ from vnav.cli.say import say
 @click.option("--json", "as_json", is_flag=True, help="Print the answer as one JSON object.")
 @click.option("--csv", "csv_file", type=click.Path(path_type=Path), help="Write x,y,yaw too.")
 @click.option(
+    "--yaml",
+    "yaml_file",
+    type=click.Path(path_type=Path),
+    help="Write a nav_msgs/Path for ROS 2 and Nav2 too.",
+)
+@click.option(
     "--png",
     "png_file",
     type=click.Path(path_type=Path),
@@ -69,6 +75,7 @@ def plan(
     camera: str | None,
     as_json: bool,
     csv_file: Path | None,
+    yaml_file: Path | None,
     png_file: Path | None,
     **robot: Any,  # settings of section plan that have an option; None: not given
 ) -> int:
@@ -79,10 +86,11 @@ def plan(
     \b
     vnav plan --from current --to goal.jpg --map my-map
     vnav plan --from here.jpg --to 2.5,-1 --csv path.csv --png path.png
+    vnav plan --from current --to goal.jpg --yaml path.yaml
     """
     from vnav import config
     from vnav.api.map import open_map
-    from vnav.reporting.plan_text import summary, write_csv
+    from vnav.reporting.plan_text import summary, write_csv, write_ros_path
 
     changes = {name: value for name, value in robot.items() if value is not None}
     resolved = config.load(config_source, settings)
@@ -94,6 +102,8 @@ def plan(
         warn(warning)
     if csv_file and answer.found:
         write_csv(csv_file, answer.found)
+    if yaml_file and answer.found:
+        write_ros_path(yaml_file, answer.found)
     if png_file:
         mapped.draw_plan(answer, png_file)
     if as_json:

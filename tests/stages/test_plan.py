@@ -3,12 +3,17 @@ import json
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
 import pytest
+import yaml
 from click.testing import CliRunner, Result
 from numpy.typing import NDArray
+from rosbags.interfaces import Nodetype
+from rosbags.typesys import Stores, get_typestore
+from scipy.spatial.transform import Rotation
 
 from vnav.cli.main import cli
 from vnav.config import PlanConfig
@@ -26,6 +31,7 @@ from vnav.reporting.plan_text import summary, write_csv
 from vnav.stages.plan import PlanAnswer, map_uncertainty_m, plan
 
 CONFIG = PlanConfig()
+ROS = get_typestore(Stores.ROS2_HUMBLE)
 LEVEL = np.array([[0, 0, 1], [-1, 0, 0], [0, -1, 0]], float)  # looks along x
 
 
@@ -214,6 +220,35 @@ def test_the_csv_holds_the_path(rooms: Path, tmp_path: Path) -> None:
         rows = list(csv.reader(file))
     assert rows[0] == ["x", "y", "yaw"]
     np.testing.assert_allclose(np.array(rows[1:], float), answer.plan.poses, atol=5e-7)
+
+
+def test_the_yaml_is_a_ros_path_of_the_same_poses(rooms: Path, tmp_path: Path) -> None:
+    path = tmp_path / "path.yaml"
+    _run("--map", rooms, "--from", "0,0", "--to", "6,0", "--yaml", path)
+    answer = _ask(rooms, "0,0", "6,0")
+    assert isinstance(answer.plan, Plan)
+    message = _message("nav_msgs/msg/Path", yaml.safe_load(path.read_text("utf-8")))
+    ROS.serialize_cdr(message, "nav_msgs/msg/Path")  # which holds every field against its type
+    found = [each.pose for each in message.poses]
+    assert {each.header.frame_id for each in message.poses} == {message.header.frame_id} == {"map"}
+    turned = [[q.x, q.y, q.z, q.w] for q in (pose.orientation for pose in found)]
+    yaw_rad = Rotation.from_quat(turned).as_euler("ZYX")[:, 0]
+    points = np.column_stack([[(p.position.x, p.position.y) for p in found], yaw_rad])
+    np.testing.assert_allclose(points, answer.plan.poses, atol=1e-6)  # six digits
+
+
+def _message(kind: str, values: dict[str, Any]) -> Any:
+    """A ROS message of these fields, and no others, by ROS' own definitions."""
+    made = {}
+    for name, (node, detail) in ROS.fielddefs[kind][1]:
+        value = values.pop(name)
+        if node == Nodetype.NAME:
+            value = _message(detail, value)
+        elif node == Nodetype.SEQUENCE:
+            value = [_message(detail[0][1], each) for each in value]
+        made[name] = value
+    assert not values
+    return ROS.types[kind](**made)
 
 
 @pytest.mark.parametrize("goal", ["6,0", "9,9"])

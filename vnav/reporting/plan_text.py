@@ -11,6 +11,8 @@ from vnav.planning.planner import Plan
 from vnav.planning.snapping import Point
 from vnav.stages.plan import PlanAnswer
 
+FRAME = "map"  # ROS' name for the world of a map
+
 
 def summary(answer: PlanAnswer, start: str, goal: str) -> list[str]:
     """Lines for a person."""
@@ -31,11 +33,31 @@ def summary(answer: PlanAnswer, start: str, goal: str) -> list[str]:
 def write_csv(path: Path, plan: Plan) -> None:
     """Write a header and a line x,y,yaw for each pose: metres, radians."""
     rows = "".join(f"{x:.6f},{y:.6f},{yaw:.6f}\n" for x, y, yaw in plan.poses)
+    _write(path, f"x,y,yaw\n{rows}", "--csv")
+
+
+def write_ros_path(path: Path, plan: Plan) -> None:
+    """Write a message nav_msgs/Path as YAML, as 'ros2 topic pub' takes it and Nav2 follows it.
+
+    Frame "map", that of grid.yaml; metres; no time, as for a path that is given now. Fields are
+    those of docs.ros.org, package nav_msgs.
+    """
+    header = f"{{stamp: {{sec: 0, nanosec: 0}}, frame_id: {FRAME}}}"
+    lines = [f"header: {header}", "poses:"]
+    for x, y, yaw in plan.poses.tolist():
+        position = f"{{x: {x:.6f}, y: {y:.6f}, z: 0.0}}"
+        turned = f"{{x: 0.0, y: 0.0, z: {np.sin(yaw / 2):.9f}, w: {np.cos(yaw / 2):.9f}}}"
+        lines.append(f"- header: {header}")
+        lines.append(f"  pose: {{position: {position}, orientation: {turned}}}")
+    _write(path, "\n".join([*lines, ""]), "--yaml")
+
+
+def _write(path: Path, text: str, option: str) -> None:
     try:
-        write_text(path, f"x,y,yaw\n{rows}")
+        write_text(path, text)
     except OSError as error:
         raise VnavError(
-            f"expected to write {path}, found: {error.strerror}; name another file with --csv"
+            f"expected to write {path}, found: {error.strerror}; name another file with {option}"
         ) from error
 
 
