@@ -29,7 +29,7 @@ COMMANDS = {  # section of the help: command: its module
         "fuse": "stage_commands",
         "index": "stage_commands",
     },
-    "Use a map": {"locate": "locate", "plan": "plan", "export": "export"},
+    "Use a map": {"locate": "locate", "plan": "plan", "edit": "edit", "export": "export"},
     "Look at a map": {"info": "info", "report": "report"},
     "Check captures, results and settings": {
         "check": "check",

@@ -17,11 +17,21 @@ from vnav.cli.say import say
     "--from",
     "start",
     required=True,
-    metavar="current|PHOTO|X,Y",
-    help="Where the path begins: the last located photo, a photo, or metres in the map's world.",
+    metavar="current|X,Y|PHOTO|NAME",
+    help="Where the path begins: the last located photo, or as for --to.",
 )
 @click.option(
-    "--to", "goal", required=True, metavar="PHOTO|X,Y", help="Where it ends, and the robot looks."
+    "--to",
+    "goal",
+    required=True,
+    metavar="X,Y|PHOTO|NAME",
+    help="Where it ends, and the robot looks: metres, a photo, or a goal of 'vnav edit'.",
+)
+@click.option(
+    "--via",
+    multiple=True,
+    metavar="X,Y|PHOTO|NAME",
+    help="Where it leads over; may be given several times, in order.",
 )
 @map_option
 @config_options
@@ -69,6 +79,7 @@ from vnav.cli.say import say
 def plan(
     start: str,
     goal: str,
+    via: tuple[str, ...],
     map_dir: Path,
     config_source: str | None,
     settings: tuple[str, ...],
@@ -87,6 +98,7 @@ def plan(
     vnav plan --from current --to goal.jpg --map my-map
     vnav plan --from here.jpg --to 2.5,-1 --csv path.csv --png path.png
     vnav plan --from current --to goal.jpg --yaml path.yaml
+    vnav plan --from 0,0 --via kitchen --to desk
     """
     from vnav import config
     from vnav.api.map import open_map
@@ -97,7 +109,7 @@ def plan(
     resolved = dataclasses.replace(resolved, plan=dataclasses.replace(resolved.plan, **changes))
 
     mapped = open_map(map_dir)
-    answer = mapped.plan(start, goal, camera=camera, config=resolved)
+    answer = mapped.plan(start, goal, via=via, camera=camera, config=resolved)
     for warning in dict.fromkeys(answer.warnings):
         warn(warning)
     if csv_file and answer.found:
@@ -109,6 +121,6 @@ def plan(
     if as_json:
         click.echo(json.dumps(answer.as_dict(), indent=1, allow_nan=False))
     else:
-        for line in summary(answer, start, goal):
+        for line in summary(answer, start, goal, via):
             say(line)
     return 0 if answer.found else 3

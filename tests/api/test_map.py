@@ -134,6 +134,26 @@ def test_a_path_joins_a_located_photo_a_file_pixels_and_a_point(
         np.testing.assert_array_equal(other.found.poses[:, :2], of_answer.found.poses[:, :2])
 
 
+def test_a_goal_is_where_a_photo_was_taken_and_looks(
+    mapped: vnav.Map, photos: list[Path], tmp_path: Path
+) -> None:
+    other = vnav.open_map(shutil.copytree(mapped.root, tmp_path / "map"))
+    answer = mapped.locate(photos[1])
+    other.add_goal("desk", answer)
+    other.keep_out("far", [(90, 90), (91, 90), (91, 91)])
+    assert [(name, place.kind) for name, place in other.places().items()] == [
+        ("desk", "goal"),
+        ("far", "keep-out"),
+    ]
+    by_name, by_photo = (other.plan(photos[0], goal).found for goal in ("desk", answer))
+    assert by_name is not None
+    assert by_photo is not None
+    np.testing.assert_array_equal(by_name.poses, by_photo.poses)
+    black = np.zeros((240, 320, 3), np.uint8)
+    with pytest.raises(vnav.PhotoError, match="too few features"):
+        other.add_goal("dark", black)
+
+
 def test_without_a_photo_that_is_located_there_is_no_path_and_the_reason(mapped: vnav.Map) -> None:
     black = np.zeros((240, 320, 3), np.uint8)
     answer = mapped.plan(mapped.locate(black), (0, 0))

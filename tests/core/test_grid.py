@@ -31,3 +31,25 @@ def test_areas_are_of_the_floor() -> None:
 def test_cells_cannot_be_written() -> None:
     with pytest.raises(ValueError, match="read-only"):
         GRID.cells[0, 0] = OCCUPIED
+
+
+def test_a_polygon_occupies_what_it_holds_and_what_its_edges_touch() -> None:
+    grid = Grid((-1.0, 2.0), 0.1, np.full((40, 50), FREE, np.uint8))
+    hook = [(0.0, 3.0), (2.0, 3.0), (2.0, 5.0), (1.8, 5.0), (1.8, 3.2), (0.0, 3.2)]
+    cells = grid.blocked([hook]).cells
+    points = {(1.0, 3.1): OCCUPIED, (1.9, 4.5): OCCUPIED, (1.0, 4.0): FREE, (2.5, 3.1): FREE}
+    for point, state in points.items():
+        assert cells[tuple(grid.cells_at(point))] == state, point
+
+
+def test_a_polygon_thinner_than_a_cell_is_a_wall_without_gaps() -> None:
+    grid = Grid((0.0, 0.0), 0.1, np.full((30, 30), FREE, np.uint8))
+    cells = grid.blocked([[(0.51, 0.02), (0.52, 0.02), (2.51, 2.98)]]).cells
+    assert (cells == OCCUPIED).any(1).all()
+    assert (cells == OCCUPIED).sum() < 90
+
+
+def test_a_polygon_may_reach_beyond_the_grid_or_lie_outside() -> None:
+    grid = Grid((0.0, 0.0), 0.1, np.full((10, 10), FREE, np.uint8))
+    assert (grid.blocked([[(-5, -5), (5, -5), (5, 5), (-5, 5)]]).cells == OCCUPIED).all()
+    assert (grid.blocked([[(7, 7), (8, 7), (8, 8)]]).cells == FREE).all()

@@ -1,5 +1,6 @@
 import csv
 import json
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -21,10 +22,13 @@ from vnav.core import se3
 from vnav.core.frame import Features, Rejected
 from vnav.core.grid import FREE, OCCUPIED, Grid
 from vnav.core.mapping import FrameFeatures, FrameTable, Landmarks, Odometry, OptimisedMap, World
+from vnav.core.places import GOAL, KEEP_OUT
 from vnav.errors import MapError, StaleArtifact, VnavError
 from vnav.features.sift import SPACE
 from vnav.io.store.artifacts import save_grid, save_odometry, save_optimised
 from vnav.io.store.map_folder import MapFolder
+from vnav.io.store.places_file import add_place
+from vnav.io.store.records import MappedCapture
 from vnav.planning.planner import Plan
 from vnav.reporting.plan_picture import plan_figure, write_picture
 from vnav.reporting.plan_text import summary, write_csv
@@ -60,6 +64,8 @@ def rooms(tmp_path_factory: pytest.TempPathFactory) -> Path:
     cells[[0, -1]] = cells[:, [0, -1]] = cells[:, 80:84] = OCCUPIED
     cells[40:60, 80:84] = FREE
     folder = MapFolder.create(tmp_path_factory.mktemp("maps") / "rooms")
+    camera = {"width": 64, "height": 48, "fx": 50.0, "fy": 50.0, "cx": 31.5, "cy": 23.5}
+    folder.set_captures([MappedCapture(id=0, name="one", fingerprint="f", camera=camera)])
     with folder.writing("odometry", {}, {}) as draft:
         save_odometry(draft, _odometry())
     with folder.writing("optimise", {}, {}) as draft:
@@ -176,7 +182,7 @@ def test_json_has_the_documented_fields(rooms: Path) -> None:
     values = json.loads(result.stdout)
     assert list(values) == [
         *("found", "reason", "path_m", "length_m", "clearance_min_m", "walked_m"),
-        *("start", "goal", "expanded", "seconds"),
+        *("start", "goal", "via", "expanded", "seconds"),
     ]
     assert values["found"] is True
     assert values["reason"] is None
@@ -282,6 +288,77 @@ def test_a_file_that_cannot_be_written_is_an_error(rooms: Path, tmp_path: Path) 
         write_csv(tmp_path / "missing" / "path.csv", answer.plan)
     with pytest.raises(VnavError, match="name another file with --png"):
         write_picture(tmp_path / "missing" / "path.png", answer)
+
+
+@pytest.fixture
+def named(rooms: Path, tmp_path: Path) -> Path:
+    """The rooms with a goal in the second one, and floor to keep out of before a wall of it."""
+    folder = MapFolder(shutil.copytree(rooms, tmp_path / "map"))
+    add_place(folder, "desk", GOAL, np.array([[6.0, 0.0]]), np.pi / 2)
+    add_place(folder, "flowers", KEEP_OUT, np.array([[4.0, 2.0], [5.0, 2.0], [5.0, 2.8]]))
+    return folder.root
+
+
+def test_a_goal_s_name_is_where_it_lies_and_how_a_robot_stands_there(named: Path) -> None:
+    found = _ask(named, "0,0", "desk").found
+    assert found is not None
+    assert found.poses[-1] == pytest.approx([6, 0, np.pi / 2])
+
+
+def test_a_file_comes_before_a_name(named: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(named.parent)
+    Path("desk").write_text("a photo")
+    assert "the photo desk was not located" in _ask(named, "0,0", "desk").reason
+
+
+@pytest.mark.parametrize("name", ["table", "flowers"])
+def test_a_name_that_is_no_goal_s_is_an_error_that_lists_the_goals(named: Path, name: str) -> None:
+    with pytest.raises(MapError, match=f"found '{name}'; it has 'desk';"):
+        _ask(named, "0,0", name)
+
+
+def test_a_path_keeps_the_robot_off_what_it_is_to_keep_out_of(named: Path, rooms: Path) -> None:
+    ends = "3.6,2.5", "5.5,2.5"
+    free, bound = _ask(rooms, *ends).found, _ask(named, *ends).found
+    assert free is not None
+    assert bound is not None
+    below_m = 2.0 - bound.poses[np.abs(bound.poses[:, 0] - 4.5).argmin(), 1]
+    assert free.poses[:, 1].min() > 2.0
+    # as from an obstacle: the radius, the map's uncertainty, a cell's half diagonal and rounding
+    assert below_m > CONFIG.robot_radius_m - 0.05
+
+
+def test_a_keep_out_that_bars_the_way_is_named(named: Path) -> None:
+    add_place(MapFolder(named), "door", KEEP_OUT, np.array([[3.0, 0], [3.2, 0], [3.2, 1], [3, 1]]))
+    answer = _ask(named, "0,0", "desk")
+    assert answer.reason.endswith("; the keep-out 'door' is in the way")
+
+
+def test_the_picture_has_the_keep_outs_and_the_places_on_the_way(named: Path) -> None:
+    answer = plan(MapFolder(named), "0,0", "desk", CONFIG, _blind, via=["5,-1"])
+    axes = plan_figure(answer).axes[0]
+    assert any(np.array_equal(p.get_xy()[:3], answer.keep_out["flowers"]) for p in axes.patches)
+    assert "flowers" in {text.get_text() for text in axes.texts}
+    labels = [text.get_text() for text in plan_figure(answer).legends[0].get_texts()]
+    assert {"to keep out of", "via"} <= set(labels)
+
+
+def test_via_is_passed_in_turn_and_told(named: Path) -> None:
+    ask = ("--map", named, "--from", "0,0", "--to", "desk", "--via", "6,-1.5", "--via", "5,1")
+    values = json.loads(_run(*ask, "--json").stdout)
+    assert [each["snapped"] for each in values["via"]] == [[6.0, -1.5], [5.0, 1.0]]
+    passed = [np.hypot(*(np.array(values["path_m"])[:, :2] - at).T) for at in ([6, -1.5], [5, 1])]
+    first, second = (int(away_m.argmin()) for away_m in passed)
+    assert max(away_m.min() for away_m in passed) < 1e-6
+    assert 0 < first < second < len(values["path_m"]) - 1
+    assert [line.split()[0] for line in _run(*ask).output.splitlines()][-3:] == [
+        *("via", "via", "goal"),
+    ]
+
+
+def test_a_leg_without_a_way_is_told(named: Path) -> None:
+    answer = plan(MapFolder(named), "0,0", "desk", CONFIG, _blind, via=["9,9"])
+    assert answer.reason.startswith("on leg 1 of 2, the goal (9.00, 9.00) lies outside the grid")
 
 
 def test_planning_loads_no_library_it_does_not_need(rooms: Path) -> None:

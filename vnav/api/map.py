@@ -22,10 +22,11 @@ from vnav.core.arrays import Array
 from vnav.core.frame import Rejected
 from vnav.core.grid import Grid
 from vnav.core.mapping import Landmarks
+from vnav.core.places import GOAL, KEEP_OUT, LostPlace, NamedPlace
 from vnav.core.point_cloud import Mesh, PointCloud
 from vnav.core.progress import Progress, silent
 from vnav.core.trajectory import Trajectory
-from vnav.errors import MapError
+from vnav.errors import MapError, PhotoError
 from vnav.io.photos.photo_files import PhotoCameraSource, require_readable
 from vnav.io.store.map_folder import MapFolder
 from vnav.localisation.verdict.answer import PhotoAnswer, UnreadablePhoto
@@ -175,15 +176,17 @@ class Map:
         start: PlaceSource,
         goal: PlaceSource,
         *,
+        via: Sequence[PlaceSource] = (),
         camera: CameraSource = None,
         config: ConfigSource = None,
     ) -> "PlanAnswer":
-        """A path from one place to another, or why there is none.
+        """A path from one place to another, over others in turn, or why there is none.
 
-        A place is x, y in metres of the map's world, a located photo, a photo to be located, or
-        for the start "current": where the last remembered photo was taken. The last yaw of the
-        path is where the goal's photo looks. The robot is described in ``config``, section plan.
-        MapError where the map has no grid, or no current place.
+        A place is x, y in metres of the map's world, a located photo, a photo to be located, the
+        name of a goal, or "current": where the last remembered photo was taken. The last yaw of the
+        path is where the goal's photo looks. The map's keep-outs are kept out of. The robot is
+        described in ``config``, section plan. MapError where the map has no grid, no current place,
+        or no such goal.
         """
         from vnav.stages.plan import plan
 
@@ -194,9 +197,56 @@ class Map:
             warnings.extend(answer.warnings)
             return _pose(answer)
 
-        ends = _place(start, pose_of), _place(goal, pose_of)
-        answer = plan(self._folder, *ends, settings.plan, pose_of)
+        first, last, *over = (_place(place, pose_of) for place in (start, goal, *via))
+        answer = plan(self._folder, first, last, settings.plan, pose_of, via=over)
         return dataclasses.replace(answer, warnings=tuple(warnings))
+
+    def places(self) -> dict[str, NamedPlace | LostPlace]:
+        """Goals and keep-outs by name, where they lie in the map as it is now, or why nowhere."""
+        from vnav.io.store.places_file import load_places
+
+        return load_places(self._folder)
+
+    def add_goal(
+        self,
+        name: str,
+        place: PlaceSource,
+        *,
+        camera: CameraSource = None,
+        config: ConfigSource = None,
+    ) -> None:
+        """Name a goal: x, y, or where a photo was taken, and which way it looks.
+
+        It is tied to the nearest keyframe, and moves with that. PhotoError where the photo is not
+        located; MapError where the name is taken, or the map cannot be written.
+        """
+        from vnav.io.store.places_file import add_place
+        from vnav.planning.planner import heading_rad
+
+        if isinstance(place, tuple):
+            return add_place(self._folder, name, GOAL, np.array([place], float))
+        if not isinstance(place, PhotoAnswer):
+            place = self.locate(place, camera=camera, config=config)
+        T_world_camera = place.T_world_camera
+        if T_world_camera is None:
+            raise PhotoError(f"expected a photo that shows the map, found none: {place.reason}")
+        point = T_world_camera[None, :2, 3]
+        return add_place(self._folder, name, GOAL, point, heading_rad(T_world_camera))
+
+    def keep_out(self, name: str, corners: Sequence[tuple[float, float]]) -> None:
+        """Name a polygon of floor, x and y of each corner, that no path enters.
+
+        It is tied to the nearest keyframe, and moves with that; errors as `add_goal`.
+        """
+        from vnav.io.store.places_file import add_place
+
+        add_place(self._folder, name, KEEP_OUT, np.array(corners, float).reshape(-1, 2))
+
+    def remove_place(self, name: str) -> None:
+        """Forget a goal or a keep-out; MapError where there is none of that name."""
+        from vnav.io.store.places_file import remove_place
+
+        remove_place(self._folder, name)
 
     def draw_photo(self, answer: PhotoAnswer, path: AnyPath) -> None:
         """Write a picture of a photo's file with what was found in it, the map beside it."""

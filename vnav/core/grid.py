@@ -1,6 +1,7 @@
 """A 2D occupancy grid on the floor."""
 
-from dataclasses import dataclass
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -48,6 +49,38 @@ class Grid:
         rc = np.asarray(cells)
         return np.asarray(((rc >= 0) & (rc < self.cells.shape)).all(-1))
 
+    def blocked(self, polygons_m: Iterable[ArrayLike]) -> "Grid":
+        """The grid with every cell occupied that a polygon (N, 2) holds or its edges pass through.
+
+        What lies inside is told by the even-odd rule, for the cells' centres.
+        """
+        inside = np.zeros(self.cells.shape, bool)
+        for polygon in polygons_m:
+            corners = np.asarray(polygon, float)
+            inside |= self._holds(corners)
+            along = self.cells_at(_outline(corners, self.resolution_m / 4))
+            inside[tuple(along[self.contains(along)].T)] = True
+        return replace(self, cells=np.where(inside, np.uint8(OCCUPIED), self.cells))
+
+    def _holds(self, corners: NDArray[np.float64]) -> NDArray[np.bool_]:
+        """Which centres (rows, columns) have an odd number of edges between them and +x."""
+        x, y = np.moveaxis(self.centres_of(np.moveaxis(np.indices(self.cells.shape), 0, -1)), -1, 0)
+        inside = np.zeros(self.cells.shape, bool)
+        for (ax, ay), (bx, by) in zip(corners, np.roll(corners, -1, 0), strict=True):
+            passes = (ay > y) != (by > y)
+            with np.errstate(divide="ignore", invalid="ignore"):  # along x: passes nowhere
+                inside ^= passes & (x < ax + (y - ay) * (bx - ax) / (by - ay))
+        return inside
+
     def area_m2(self, state: int) -> float:
         """Floor area of the cells in one state, to a square centimetre: alike wherever shown."""
         return round(float((self.cells == state).sum() * self.resolution_m**2), 4)
+
+
+def _outline(corners: NDArray[np.float64], spacing_m: float) -> NDArray[np.float64]:
+    """Points (M, 2) along the edges of a closed polygon (N, 2), so far apart at most."""
+    parts = []
+    for a, b in zip(corners, np.roll(corners, -1, 0), strict=True):
+        steps = int(np.ceil(np.hypot(*(b - a)) / spacing_m))
+        parts.append(a + (b - a) * np.linspace(0, 1, steps + 1)[:, None])
+    return np.concatenate(parts)

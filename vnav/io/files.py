@@ -3,6 +3,7 @@
 import errno
 import os
 import secrets
+import shutil
 import stat
 import tomllib
 from collections.abc import Iterator
@@ -70,6 +71,13 @@ def write_bytes(path: Path, content: bytes) -> None:
     """Write a file whole or not at all; see `whole_file`."""
     with whole_file(path) as file:
         file.write(content)
+
+
+def copy_into(folder: Path, source: Path) -> Path:
+    """A copy of a file in a folder, whole or not at all; see `whole_file`."""
+    with source.open("rb") as content, whole_file(folder / source.name) as copy:
+        shutil.copyfileobj(content, copy)
+    return folder / source.name
 
 
 def write_text(path: Path, text: str) -> None:

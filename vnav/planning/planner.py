@@ -1,7 +1,10 @@
 """A path over a grid from one place to another: claim 5."""
 
 import dataclasses
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from types import MappingProxyType
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -14,6 +17,8 @@ from vnav.planning.astar import search
 from vnav.planning.costmap import Costmap, costmap
 from vnav.planning.smoothing import smooth
 from vnav.planning.snapping import Point, SnappedPoint, snap_start_and_goal
+
+NOWHERE: Mapping[str, Array] = MappingProxyType({})  # that polygons bar
 
 
 @dataclass(frozen=True)
@@ -32,6 +37,8 @@ class Plan:
         How much of it leads through walked cells, which nobody saw.
     expanded
         Cells that A* expanded.
+    via
+        As start and goal, for each point that the path leads over.
     """
 
     poses: Array
@@ -41,6 +48,7 @@ class Plan:
     goal: SnappedPoint
     walked_m: float
     expanded: int
+    via: tuple[SnappedPoint, ...] = ()
 
 
 def plan_path(
@@ -51,17 +59,38 @@ def plan_path(
     *,
     uncertainty_m: float = 0.0,
     final_yaw_rad: float | None = None,
+    via: Sequence[Point] = (),
+    keep_out: Mapping[str, Array] = NOWHERE,
 ) -> Plan | Rejected:
     """The cheapest path, smoothed, between two points on the floor; Rejected says why not.
 
     ``uncertainty_m`` is how far an obstacle may be from where the grid has it; obstacles are
     inflated by it, by the robot's radius and by half a cell's diagonal. ``final_yaw_rad`` is the
-    heading at the goal; without one the path's last direction is kept.
+    heading at the goal; without one the path's last direction is kept. The path leads over ``via``
+    in turn, the cheapest way to each. What polygons (N, 2) of ``keep_out`` touch is occupied.
     """
-    costs = costmap(grid, uncertainty_m, config)
-    snapped = snap_start_and_goal(costs, start, goal, config.tolerance_m)
+    costs = costmap(grid.blocked(keep_out.values()), uncertainty_m, config)
+    legs = list[Plan]()
+    for number, target in enumerate((*via, goal), 1):
+        ends = (legs[-1].goal.snapped if legs else start), target
+        yaw_rad = final_yaw_rad if number > len(via) else None
+        leg = _leg(costs, ends, config, yaw_rad)
+        if isinstance(leg, Rejected):
+            remedy = _remedy(grid, keep_out, ends, uncertainty_m, config)
+            where = f"on leg {number} of {len(via) + 1}, " if via else ""
+            return Rejected(where + leg.reason + remedy)
+        legs.append(leg)
+    return _joined(legs)
+
+
+def _leg(
+    costs: Costmap, ends: tuple[Point, Point], config: PlanConfig, final_yaw_rad: float | None
+) -> Plan | Rejected:
+    """The path from one point to the next, over nothing in between."""
+    grid = costs.grid
+    snapped = snap_start_and_goal(costs, *ends, config.tolerance_m)
     if isinstance(snapped, Rejected):
-        return Rejected(snapped.reason + _remedy(grid, (start, goal), uncertainty_m, config))
+        return snapped
     first, last = snapped
     route = search(costs.costs, first.cell, last.cell)
     if isinstance(route, Rejected):
@@ -75,6 +104,21 @@ def plan_path(
     return Plan(poses, length_m, clearance_m, first, last, walked_m, route.expanded)
 
 
+def _joined(legs: Sequence[Plan]) -> Plan:
+    """One path of several; where two meet, the robot turns to where the next one leads."""
+    first, last = legs[0], legs[-1]
+    return Plan(
+        np.concatenate([*(leg.poses[:-1] for leg in legs[:-1]), last.poses]),
+        sum(leg.length_m for leg in legs),
+        min(leg.clearance_min_m for leg in legs),
+        first.start,
+        last.goal,
+        sum(leg.walked_m for leg in legs),
+        sum(leg.expanded for leg in legs),
+        tuple(leg.goal for leg in legs[:-1]),
+    )
+
+
 def heading_rad(T_world_camera: ArrayLike) -> float:
     """Where a camera looks, on the floor: yaw of its optical axis.
 
@@ -86,8 +130,25 @@ def heading_rad(T_world_camera: ArrayLike) -> float:
     return float(np.arctan2(ahead[1], ahead[0]))
 
 
-def _remedy(grid: Grid, ends: tuple[Point, Point], uncertainty_m: float, config: PlanConfig) -> str:
+def _remedy(
+    grid: Grid,
+    keep_out: Mapping[str, Array],
+    ends: tuple[Point, Point],
+    uncertainty_m: float,
+    config: PlanConfig,
+) -> str:
     """What would make a path possible, as the end of a sentence."""
+
+    def is_way(names: Iterable[str], **change: Any) -> bool:
+        barred = grid.blocked(keep_out[name] for name in names)
+        other = costmap(barred, uncertainty_m, dataclasses.replace(config, **change))
+        return not isinstance(snap_start_and_goal(other, *ends, config.tolerance_m), Rejected)
+
+    for name in keep_out:
+        if is_way(keep_out.keys() - {name}):
+            return f"; the keep-out '{name}' is in the way"
+    if keep_out and is_way(()):
+        return f"; several keep-outs are in the way: {', '.join(keep_out)}"
     for change, advice in (
         ({"allow_unknown": True}, "; there is a way through unknown space (--allow-unknown)"),
         (
@@ -95,8 +156,7 @@ def _remedy(grid: Grid, ends: tuple[Point, Point], uncertainty_m: float, config:
             f"; a robot of less radius than {config.robot_radius_m:g} m could do it",
         ),
     ):
-        other = costmap(grid, uncertainty_m, dataclasses.replace(config, **change))
-        if not isinstance(snap_start_and_goal(other, *ends, config.tolerance_m), Rejected):
+        if is_way(keep_out, **change):
             return advice
     return ""
 

@@ -1,5 +1,6 @@
 """What is said of a path: for people, and as a table for other programs."""
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -14,8 +15,8 @@ from vnav.stages.plan import PlanAnswer
 FRAME = "map"  # ROS' name for the world of a map
 
 
-def summary(answer: PlanAnswer, start: str, goal: str) -> list[str]:
-    """Lines for a person."""
+def summary(answer: PlanAnswer, start: str, goal: str, via: Sequence[str] = ()) -> list[str]:
+    """Lines for a person; what was asked for is told as it was."""
     if isinstance(answer.plan, Rejected):
         return [f"no path: {answer.plan.reason}"]
     found = answer.plan
@@ -24,7 +25,9 @@ def summary(answer: PlanAnswer, start: str, goal: str) -> list[str]:
         lines.append(f"clearance  {found.clearance_min_m:.2f} m at least")
     if found.walked_m:
         lines.append(f"walked     {found.walked_m:.2f} m of it, over floor that no frame shows")
-    for name, text, end in (("start", start, found.start), ("goal", goal, found.goal)):
+    over = (("via", *each) for each in zip(via, found.via, strict=True))
+    ends = (("start", start, found.start), *over, ("goal", goal, found.goal))
+    for name, text, end in ends:
         moved = f", moved {end.moved_m:.2f} m to {_text(end.snapped)}" if end.moved_m else ""
         lines.append(f"{name:11}{_text(end.asked)}{moved}  {text}")
     return lines

@@ -2,8 +2,8 @@
 
 import logging
 import time
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -14,9 +14,11 @@ from vnav.core.arrays import Array
 from vnav.core.frame import Rejected
 from vnav.core.grid import Grid
 from vnav.core.mapping import OptimisedMap
+from vnav.core.places import GOAL, point_of
 from vnav.errors import MapError
 from vnav.io.store.artifacts import load_grid, load_optimised
 from vnav.io.store.map_folder import MapFolder
+from vnav.io.store.places_file import known_names, load_keep_outs, load_places, require_placed
 from vnav.io.store.records import PoseNote, is_kind
 from vnav.planning.planner import Plan, heading_rad, plan_path
 from vnav.planning.snapping import Point, SnappedPoint
@@ -25,7 +27,7 @@ log = logging.getLogger(__name__)
 
 CURRENT = "current"
 Pose = Array | Rejected  # T_world_camera of a photo, or why it is not known
-Place = Pose | Point | str | Path  # or a point; "current", "X,Y" or the file of a photo
+Place = Pose | Point | str | Path  # or a point; "current", "X,Y", the file of a photo, a name
 Locate = Callable[[Path], Pose]
 
 
@@ -41,6 +43,7 @@ class FloorPose:
 class PlanAnswer:
     """A path, or why there is none; ``places`` are start and goal as far as they are known.
 
+    ``via``: the places that it leads over; ``keep_out``: corners (N, 2) of polygons, by name.
     ``warnings`` say what is doubtful about the photos' camera.
     """
 
@@ -51,6 +54,8 @@ class PlanAnswer:
     config: PlanConfig
     seconds: dict[str, float]
     warnings: tuple[str, ...] = ()
+    via: tuple[FloorPose | Rejected, ...] = ()
+    keep_out: Mapping[str, Array] = field(default_factory=dict)
 
     @property
     def found(self) -> Plan | None:
@@ -68,6 +73,7 @@ class PlanAnswer:
         clearance_m = plan.clearance_min_m if plan else np.inf
         points = (plan.start, plan.goal) if plan else (None, None)
         start, goal = (_plain(*each) for each in zip(self.places, points, strict=True))
+        over = plan.via if plan else (None,) * len(self.via)
         return {
             "found": plan is not None,
             "reason": self.reason or None,
@@ -77,32 +83,41 @@ class PlanAnswer:
             "walked_m": plan.walked_m if plan else None,
             "start": start,
             "goal": goal,
+            "via": [_plain(*each) for each in zip(self.via, over, strict=True)],
             "expanded": plan.expanded if plan else None,
             "seconds": self.seconds,
         }
 
 
 def plan(
-    folder: MapFolder, start: Place, goal: Place, config: PlanConfig, locate: Locate
+    folder: MapFolder,
+    start: Place,
+    goal: Place,
+    config: PlanConfig,
+    locate: Locate,
+    *,
+    via: Sequence[Place] = (),
 ) -> PlanAnswer:
-    """A path between two places, or why there is none.
+    """A path between two places over others in turn, or why there is none.
 
     ``current`` is the pose of this map's last located photo, which is left as it is. The last yaw
-    of the path is where the goal's photo looks. MapError where the map has no grid or no current
-    pose; whatever ``locate`` raises for a photo that cannot be read.
+    of the path is where the goal's photo looks, or that of a goal with a name. The map's keep-outs
+    are kept out of. MapError where the map has no grid, no current pose or no such name; whatever
+    ``locate`` raises for a photo that cannot be read.
     """
     clock = [time.monotonic()]
-    grid = load_grid(folder)
+    grid, keep_out = load_grid(folder), load_keep_outs(folder)
     uncertainty_m = min(map_uncertainty_m(load_optimised(folder)), config.max_uncertainty_m)
     clock.append(time.monotonic())
-    places = _floor_pose(folder, start, locate), _floor_pose(folder, goal, locate)
+    first, *between, last = (_floor_pose(folder, p, locate) for p in (start, *via, goal))
     clock.append(time.monotonic())
-    found = _plan_between(places, grid, uncertainty_m, config)
+    found = _plan_over((first, *between, last), grid, keep_out, uncertainty_m, config)
     clock.append(time.monotonic())
     spent = np.round(np.diff(clock), 3).tolist()
     seconds = dict(zip(("load", "locate", "plan"), spent, strict=True))
     log.info(found.reason if isinstance(found, Rejected) else f"a path of {found.length_m:.2f} m")
-    return PlanAnswer(found, places, grid, uncertainty_m, config, seconds)
+    ends, over = (first, last), tuple(between)
+    return PlanAnswer(found, ends, grid, uncertainty_m, config, seconds, (), over, keep_out)
 
 
 def map_uncertainty_m(optimised: OptimisedMap) -> float:
@@ -129,22 +144,34 @@ def _floor_pose(folder: MapFolder, place: Place, locate: Locate) -> FloorPose | 
         return _seen_from(place)
     if place == CURRENT:
         return _seen_from(_current(folder))
-    point = _point(str(place))
+    point = point_of(str(place))
     if point is not None:
         return FloorPose(point)
+    if isinstance(place, str) and not Path(place).exists():
+        named = _named(folder, place)
+        if named is not None:
+            return named
     T_world_camera = locate(Path(place))
     if isinstance(T_world_camera, Rejected):
         return Rejected(f"the photo {place} was not located: {T_world_camera.reason}")
     return _seen_from(T_world_camera)
 
 
-def _point(text: str) -> Point | None:
-    """Two finite numbers with a comma between them, else None."""
-    try:
-        x, y = (float(word) for word in text.split(","))
-    except ValueError:
+def _named(folder: MapFolder, name: str) -> FloorPose | None:
+    """A goal of that name; None where the map has no places at all, and it is a photo's."""
+    places = load_places(folder)
+    if not places:
         return None
-    return (x, y) if np.isfinite([x, y]).all() else None
+    found = places.get(name)
+    if found is None or found.kind != GOAL:
+        goals = [known for known, place in places.items() if place.kind == GOAL]
+        raise MapError(
+            f"expected X,Y, a photo's file or the name of a goal of {folder.root}, found '{name}';"
+            f" {known_names(goals)}"
+        )
+    goal = require_placed(folder, name, found)
+    x, y = goal.points_m[0].tolist()
+    return FloorPose((x, y), goal.yaw_rad)
 
 
 def _current(folder: MapFolder) -> Array:
@@ -163,17 +190,20 @@ def _seen_from(T_world_camera: Array) -> FloorPose:
     return FloorPose((x, y), heading_rad(T_world_camera))
 
 
-def _plan_between(
-    places: tuple[FloorPose | Rejected, FloorPose | Rejected],
+def _plan_over(
+    places: Sequence[FloorPose | Rejected],
     grid: Grid,
+    keep_out: Mapping[str, Array],
     uncertainty_m: float,
     config: PlanConfig,
 ) -> Plan | Rejected:
-    start, goal = places
-    if isinstance(start, Rejected):
-        return start
-    if isinstance(goal, Rejected):
-        return goal
+    """The path from the first place over the others to the last; why there is none."""
+    known = list[FloorPose]()
+    for place in places:
+        if isinstance(place, Rejected):
+            return place
+        known.append(place)
+    start, *via, goal = known
     return plan_path(
         grid,
         start.point,
@@ -181,6 +211,8 @@ def _plan_between(
         config,
         uncertainty_m=uncertainty_m,
         final_yaw_rad=goal.yaw_rad,
+        via=[each.point for each in via],
+        keep_out=keep_out,
     )
 
 

@@ -8,11 +8,12 @@ from numpy.typing import NDArray
 
 from vnav.core.grid import FREE, OCCUPIED, UNKNOWN, Grid
 from vnav.errors import MapError
-from vnav.io.files import read_bytes, read_text, write_text
+from vnav.io.files import read_bytes, read_text, write_bytes, write_text
 
 # Grey values of FREE, OCCUPIED, UNKNOWN, WALKED: map_server's own
 _GRID = np.array([254, 0, 205, 205], np.uint8)
 _CORRIDOR = np.array([205, 205, 205, 254], np.uint8)
+_MASK = np.array([254, 0, 254, 254], np.uint8)
 _KEYS = ("image", "resolution", "origin", "occupied_thresh", "free_thresh")
 _ADVICE = "run 'vnav fuse' again, or name a map_server grid of mode trinary"
 
@@ -30,10 +31,15 @@ def write_walked(folder: Path, grid: Grid) -> None:
     _write(folder, "walked", grid, _CORRIDOR)
 
 
+def write_keepout(folder: Path, grid: Grid) -> None:
+    """Write keepout.pgm and keepout.yaml, the mask of Nav2's keepout filter: free or occupied."""
+    _write(folder, "keepout", grid, _MASK)
+
+
 def _write(folder: Path, name: str, grid: Grid, grey: NDArray[np.uint8]) -> None:
     rows, columns = grid.cells.shape
     header, pixels = b"P5\n%d %d\n255\n" % (columns, rows), grey[grid.cells[::-1]]
-    (folder / f"{name}.pgm").write_bytes(header + pixels.tobytes())
+    write_bytes(folder / f"{name}.pgm", header + pixels.tobytes())
     x, y = grid.origin
     lines = (
         f"image: {name}.pgm",

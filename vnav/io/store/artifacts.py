@@ -122,6 +122,12 @@ def load_odometry(folder: MapFolder, *, any_scale: bool = False) -> Odometry:
     )
 
 
+def load_frame_table(folder: MapFolder) -> FrameTable:
+    """Every frame of the map's captures."""
+    frames = _load(folder, "odometry", "frames")
+    return FrameTable(frames["capture"], frames["index"], frames["stamp_s"])
+
+
 def load_descriptor_space(folder: MapFolder) -> DescriptorSpace:
     """What the descriptors of the map's features are."""
     return _load_json(folder, "odometry", "descriptor_space", DescriptorSpace)

@@ -1,26 +1,15 @@
 """Copies of what a map holds, in the formats that other programs read."""
 
-import shutil
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from importlib import import_module
 from pathlib import Path
 
-import cv2
-import numpy as np
-
-from vnav.core.point_cloud import PointCloud
-from vnav.core.posed_images import PosedImages
 from vnav.errors import MapError
-from vnav.io.files import whole_file, write_bytes, write_text
-from vnav.io.formats import colmap
-from vnav.io.formats.gltf import write_glb
-from vnav.io.formats.las import require_laspy, write_las
-from vnav.io.formats.ply import write_cloud, write_obj
+from vnav.io.files import copy_into, write_text
+from vnav.io.formats.las import require_laspy
 from vnav.io.formats.trajectories import read_tum, write_kitti
-from vnav.io.formats.transforms import DEPTH_UNITS_PER_METRE, write_transforms
-from vnav.io.store.artifacts import load_cloud, load_keyframe_depth, load_mesh
 from vnav.io.store.map_folder import MapFolder
-from vnav.io.store.posed_keyframes import load_posed_keyframes
 
 Writer = Callable[[MapFolder, Path], list[Path]]
 
@@ -59,14 +48,14 @@ def _copy(stage: str, *names: str) -> Writer:
     """A writer that copies files of a stage."""
 
     def write(folder: MapFolder, out: Path) -> list[Path]:
-        return [_copied(folder.file(stage, name), out) for name in names]
+        return [copy_into(out, folder.file(stage, name)) for name in names]
 
     return write
 
 
 def _trajectories(folder: MapFolder, out: Path) -> list[Path]:
     """One file a capture: ``stamp tx ty tz qx qy qz qw``, camera to world."""
-    return [_copied(source, out) for source in _sources(folder)]
+    return [copy_into(out, source) for source in _sources(folder)]
 
 
 def _kitti_trajectories(folder: MapFolder, out: Path) -> list[Path]:
@@ -87,60 +76,14 @@ def _sources(folder: MapFolder) -> list[Path]:
     return [folder.file("optimise", name) for name in names if name in folder.files("optimise")]
 
 
-def _copied(source: Path, out: Path) -> Path:
-    with source.open("rb") as content, whole_file(out / source.name) as copy:
-        shutil.copyfileobj(content, copy)
-    return out / source.name
+def _made(name: str) -> Writer:
+    """A writer of `vnav.io.store.conversions`, which takes long to load."""
 
+    def write(folder: MapFolder, out: Path) -> list[Path]:
+        writer: Writer = getattr(import_module("vnav.io.store.conversions"), name)
+        return writer(folder, out)
 
-def _obj(folder: MapFolder, out: Path) -> list[Path]:
-    write_obj(out / "mesh.obj", load_mesh(folder))
-    return [out / "mesh.obj"]
-
-
-def _glb(folder: MapFolder, out: Path) -> list[Path]:
-    write_glb(out / "mesh.glb", load_mesh(folder))
-    return [out / "mesh.glb"]
-
-
-def _las(folder: MapFolder, out: Path) -> list[Path]:
-    write_las(out / "cloud.las", load_cloud(folder))
-    return [out / "cloud.las"]
-
-
-def _colmap(folder: MapFolder, out: Path) -> list[Path]:
-    """A model in the folders that COLMAP and its readers expect, beside the images."""
-    views, sparse = load_posed_keyframes(folder), out / "sparse" / "0"
-    sparse.mkdir(parents=True, exist_ok=True)
-    return [_images(folder, views, out), *colmap.write_model(sparse, views)]
-
-
-def _transforms(folder: MapFolder, out: Path) -> list[Path]:
-    """Poses and cameras, images and depth, and the landmarks as a cloud to begin with."""
-    views = load_posed_keyframes(folder)
-    colors, depths = _images(folder, views, out), _depths(folder, views, out)
-    path, cloud = out / "transforms.json", out / "landmarks.ply"
-    write_cloud(cloud, PointCloud(views.landmarks.points_world, views.colors))
-    write_transforms(path, views, colors.name, depths.name, cloud.name)
-    return [colors, depths, cloud, path]
-
-
-def _images(folder: MapFolder, views: PosedImages, out: Path) -> Path:
-    """A folder of the keyframes' colour images."""
-    (out / "images").mkdir(exist_ok=True)
-    for image in views.images:
-        _copied(folder.file("odometry", f"keyframes/{image.name}.jpg"), out / "images")
-    return out / "images"
-
-
-def _depths(folder: MapFolder, views: PosedImages, out: Path) -> Path:
-    """A folder of their depth, 16 bits, 0 where there is none."""
-    (out / "depths").mkdir(exist_ok=True)
-    for image in views.images:
-        depth = np.rint(load_keyframe_depth(folder, image.row) * DEPTH_UNITS_PER_METRE)
-        _, data = cv2.imencode(".png", depth.astype(np.uint16))
-        write_bytes(out / "depths" / f"{image.name}.png", data.tobytes())
-    return out / "depths"
+    return write
 
 
 @dataclass(frozen=True)
@@ -161,7 +104,7 @@ PARTS = {
     "cloud": Part(
         "The coloured cloud; LAS needs laspy.",
         "fuse",
-        {"ply": _copy("fuse", "cloud.ply"), "las": _las},
+        {"ply": _copy("fuse", "cloud.ply"), "las": _made("las")},
     ),
     "octomap": Part(
         "Occupied and free space.",
@@ -173,20 +116,25 @@ PARTS = {
         "fuse",
         {"pgm": _copy("fuse", "grid.pgm", "grid.yaml", "walked.pgm", "walked.yaml")},
     ),
+    "keepout": Part(
+        "Floor to keep out of, as the mask that Nav2's keepout filter takes.",
+        "fuse",
+        {"pgm": _made("keepout")},
+    ),
     "mesh": Part(
         "The coloured surface.",
         "fuse",
-        {"ply": _copy("fuse", "mesh.ply"), "obj": _obj, "glb": _glb},
+        {"ply": _copy("fuse", "mesh.ply"), "obj": _made("obj"), "glb": _made("glb")},
     ),
     "graph": Part("The pose graph.", "optimise", {"g2o": _copy("optimise", "graph.g2o")}),
     "colmap": Part(
         "Keyframes and landmarks as COLMAP's sparse model, with the images.",
         "optimise",
-        {"txt": _colmap},
+        {"txt": _made("colmap")},
     ),
     "transforms": Part(
         "Keyframes as NeRF and Nerfstudio take them, with colour and depth images.",
         "optimise",
-        {"json": _transforms},
+        {"json": _made("transforms")},
     ),
 }

@@ -1,0 +1,96 @@
+"""Give places of a map names: goals, and floor to keep out of."""
+
+import math
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from vnav.cli.locate import CAMERA_HELP
+from vnav.cli.say import say
+
+if TYPE_CHECKING:
+    from vnav.api.map import Map
+    from vnav.core.places import LostPlace, NamedPlace
+
+NEGATIVE = {"ignore_unknown_options": True}  # -1,2 is a point
+
+
+@click.group()
+@click.argument("map_dir", metavar="MAP", type=click.Path(path_type=Path))
+@click.pass_context
+def edit(context: click.Context, map_dir: Path) -> None:
+    """Name places of MAP, which 'vnav plan' goes to or keeps out of.
+
+    They are kept in MAP/places.toml, each tied to the nearest keyframe: a map that is built again
+    or extended moves them with it.
+
+    \b
+    vnav edit my-map add-goal desk 2.5,-1
+    vnav edit my-map add-goal kitchen kitchen.jpg
+    vnav edit my-map keep-out stairs 1,1 2,1 2,3 1,3
+    vnav edit my-map list
+    vnav edit my-map remove stairs
+    """
+    from vnav.api.map import open_map
+
+    context.obj = open_map(map_dir)
+
+
+@edit.command(context_settings=NEGATIVE)
+@click.argument("name")
+@click.argument("place", metavar="X,Y|PHOTO")
+@click.option("--camera", metavar="FILE|auto", help=CAMERA_HELP)
+@click.pass_obj
+def add_goal(mapped: "Map", name: str, place: str, camera: str | None) -> None:
+    """Name a goal: metres in the map's world, or where a photo was taken and looks."""
+    from vnav.core.places import point_of
+
+    mapped.add_goal(name, point_of(place) or place, camera=camera)
+    say(_line(name, mapped.places()[name]))
+
+
+@edit.command(context_settings=NEGATIVE)
+@click.argument("name")
+@click.argument("corners", nargs=-1, required=True, metavar="X,Y...")
+@click.pass_obj
+def keep_out(mapped: "Map", name: str, corners: tuple[str, ...]) -> None:
+    """Name a polygon of floor, by its corners in metres, that no path enters."""
+    from vnav.core.places import point_of
+
+    points = [point_of(corner) for corner in corners]
+    if None in points:
+        wrong = corners[points.index(None)]
+        raise click.UsageError(f"expected corners X,Y in metres, found {wrong!r}")
+    mapped.keep_out(name, [point for point in points if point])
+    say(_line(name, mapped.places()[name]))
+
+
+@edit.command("list")
+@click.pass_obj
+def list_places(mapped: "Map") -> None:
+    """Tell all places, where they are in the map as it is now."""
+    places = mapped.places()
+    if not places:
+        say("no places yet", err=True)
+    for name, place in places.items():
+        say(_line(name, place))
+
+
+@edit.command()
+@click.argument("name")
+@click.pass_obj
+def remove(mapped: "Map", name: str) -> None:
+    """Forget a place."""
+    mapped.remove_place(name)
+
+
+def _line(name: str, place: "NamedPlace | LostPlace") -> str:
+    """What is told of a place."""
+    from vnav.core.places import NamedPlace
+
+    if not isinstance(place, NamedPlace):
+        return f"{name:20}{place.kind:10}lies nowhere: {place.reason}"
+    where = "  ".join(f"({x:.2f}, {y:.2f})" for x, y in place.points_m)
+    looks = "" if place.yaw_rad is None else f", looks {math.degrees(place.yaw_rad):.0f} deg"
+    return f"{name:20}{place.kind:10}{where}{looks}"
