@@ -91,6 +91,6 @@ def _line(name: str, place: "NamedPlace | LostPlace") -> str:
 
     if not isinstance(place, NamedPlace):
         return f"{name:20}{place.kind:10}lies nowhere: {place.reason}"
-    where = "  ".join(f"({x:.2f}, {y:.2f})" for x, y in place.points_m)
+    where = "  ".join(f"({x:.2f}, {y:.2f})" for x, y in place.points_m.round(2) + 0.0)
     looks = "" if place.yaw_rad is None else f", looks {math.degrees(place.yaw_rad):.0f} deg"
     return f"{name:20}{place.kind:10}{where}{looks}"

@@ -68,7 +68,9 @@ class Grid:
         inside = np.zeros(self.cells.shape, bool)
         for (ax, ay), (bx, by) in zip(corners, np.roll(corners, -1, 0), strict=True):
             passes = (ay > y) != (by > y)
-            with np.errstate(divide="ignore", invalid="ignore"):  # along x: passes nowhere
+            with np.errstate(
+                divide="ignore", invalid="ignore", over="ignore"
+            ):  # along x: passes nowhere
                 inside ^= passes & (x < ax + (y - ay) * (bx - ax) / (by - ay))
         return inside
 

@@ -91,7 +91,9 @@ def test_a_place_of_a_capture_that_is_not_in_the_map_is_lost(place_map: MapFolde
     add_place(place_map, "desk", GOAL, DESK)
     captures = [{**each, "fingerprint": "another"} for each in place_map.captures]
     place_map.set_captures(captures)  # type: ignore[arg-type]
-    assert isinstance(load_places(place_map)["desk"], LostPlace)
+    place = load_places(place_map)["desk"]
+    assert isinstance(place, LostPlace)
+    assert "of a capture that is not in it" in place.reason
 
 
 def test_a_name_is_taken_once_and_free_again_when_removed(place_map: MapFolder) -> None:

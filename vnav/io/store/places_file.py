@@ -56,7 +56,8 @@ def load_places(folder: MapFolder) -> dict[str, NamedPlace | LostPlace]:
         if len(rows) and np.isfinite(poses[rows[0]]).all():
             found[name] = place.moved(poses[rows[0]])
         else:
-            reason = f"it is tied to frame {index} of a capture, and the map has no pose of that"
+            of = "a capture that is not in it" if capture < 0 else f"capture {capture}"
+            reason = f"it is tied to frame {index} of {of}, of which the map has no pose"
             found[name] = LostPlace(place.kind, reason)
     return found
 
