@@ -33,6 +33,12 @@ from vnav.cli.say import say
     metavar="X,Y|PHOTO|NAME",
     help="Where it leads over; may be given several times, in order.",
 )
+@click.option(
+    "--visit",
+    multiple=True,
+    metavar="X,Y|PHOTO|NAME",
+    help="As --via, but in the order that is cheapest.",
+)
 @map_option
 @config_options
 @click.option("--camera", metavar="FILE|auto", help=CAMERA_HELP)
@@ -80,6 +86,7 @@ def plan(
     start: str,
     goal: str,
     via: tuple[str, ...],
+    visit: tuple[str, ...],
     map_dir: Path,
     config_source: str | None,
     settings: tuple[str, ...],
@@ -104,12 +111,16 @@ def plan(
     from vnav.api.map import open_map
     from vnav.reporting.plan_text import summary, write_csv, write_ros_path
 
+    if via and visit:
+        raise click.UsageError("expected --via or --visit, found both")
     changes = {name: value for name, value in robot.items() if value is not None}
     resolved = config.load(config_source, settings)
     resolved = dataclasses.replace(resolved, plan=dataclasses.replace(resolved.plan, **changes))
 
     mapped = open_map(map_dir)
-    answer = mapped.plan(start, goal, via=via, camera=camera, config=resolved)
+    answer = mapped.plan(
+        start, goal, via=via or visit, any_order=bool(visit), camera=camera, config=resolved
+    )
     for warning in dict.fromkeys(answer.warnings):
         warn(warning)
     if csv_file and answer.found:
@@ -121,6 +132,6 @@ def plan(
     if as_json:
         click.echo(json.dumps(answer.as_dict(), indent=1, allow_nan=False))
     else:
-        for line in summary(answer, start, goal, via):
+        for line in summary(answer, start, goal, via or visit):
             say(line)
     return 0 if answer.found else 3

@@ -3,9 +3,11 @@ import json
 import shutil
 import subprocess
 import sys
+from itertools import permutations
 from pathlib import Path
 from typing import Any
 
+import click
 import cv2
 import numpy as np
 import pytest
@@ -354,6 +356,32 @@ def test_via_is_passed_in_turn_and_told(named: Path) -> None:
     assert [line.split()[0] for line in _run(*ask).output.splitlines()][-3:] == [
         *("via", "via", "goal"),
     ]
+
+
+def test_visits_are_made_in_the_cheapest_order(named: Path) -> None:
+    visits = [word for at in ("5,1", "1,1", "4,-1.5") for word in ("--visit", at)]
+    ask = ("--map", named, "--from", "0,0", "--to", "desk", *visits)
+    values = json.loads(_run(*ask, "--json").stdout)
+    # the first room's, then down through the door; the desk is next to the last one
+    assert [each["asked"] for each in values["via"]] == [[1.0, 1.0], [4.0, -1.5], [5.0, 1.0]]
+    told = [line.split()[-1] for line in _run(*ask).stdout.splitlines() if line[:3] == "via"]
+    assert told == ["1,1", "4,-1.5", "5,1"]
+    orders = [
+        plan(MapFolder(named), "0,0", "desk", CONFIG, _blind, via=order).found
+        for order in permutations(["5,1", "1,1", "4,-1.5"])
+    ]
+    assert values["length_m"] == min(found.length_m for found in orders if found)
+
+
+def test_visits_and_via_exclude_each_other(named: Path) -> None:
+    with pytest.raises(click.UsageError, match="found both"):
+        _run("--map", named, "--from", "0,0", "--to", "desk", "--via", "1,1", "--visit", "2,1")
+
+
+def test_more_visits_than_can_be_ordered_are_refused(named: Path) -> None:
+    places = ["1,1"] * 11
+    with pytest.raises(VnavError, match="expected 10 places to visit at most, found 11"):
+        plan(MapFolder(named), "0,0", "desk", CONFIG, _blind, via=places, any_order=True)
 
 
 def test_a_leg_without_a_way_is_told(named: Path) -> None:

@@ -177,14 +177,16 @@ class Map:
         goal: PlaceSource,
         *,
         via: Sequence[PlaceSource] = (),
+        any_order: bool = False,
         camera: CameraSource = None,
         config: ConfigSource = None,
     ) -> "PlanAnswer":
-        """A path from one place to another, over others in turn, or why there is none.
+        """A path from one place to another, over others, or why there is none.
 
         A place is x, y in metres of the map's world, a located photo, a photo to be located, the
         name of a goal, or "current": where the last remembered photo was taken. The last yaw of the
-        path is where the goal's photo looks. The map's keep-outs are kept out of. The robot is
+        path is where the goal's photo looks. ``via`` are passed in turn, or, in ``any_order``, as
+        is cheapest: 10 at most. The map's keep-outs are kept out of. The robot is
         described in ``config``, section plan. MapError where the map has no grid, no current place,
         or no such goal.
         """
@@ -198,7 +200,9 @@ class Map:
             return _pose(answer)
 
         first, last, *over = (_place(place, pose_of) for place in (start, goal, *via))
-        answer = plan(self._folder, first, last, settings.plan, pose_of, via=over)
+        answer = plan(
+            self._folder, first, last, settings.plan, pose_of, via=over, any_order=any_order
+        )
         return dataclasses.replace(answer, warnings=tuple(warnings))
 
     def places(self) -> dict[str, NamedPlace | LostPlace]:

@@ -25,7 +25,7 @@ def summary(answer: PlanAnswer, start: str, goal: str, via: Sequence[str] = ()) 
         lines.append(f"clearance  {found.clearance_min_m:.2f} m at least")
     if found.walked_m:
         lines.append(f"walked     {found.walked_m:.2f} m of it, over floor that no frame shows")
-    over = (("via", *each) for each in zip(via, found.via, strict=True))
+    over = (("via", via[k], end) for k, end in zip(answer.order, found.via, strict=True))
     ends = (("start", start, found.start), *over, ("goal", goal, found.goal))
     for name, text, end in ends:
         moved = f", moved {end.moved_m:.2f} m to {_text(end.snapped)}" if end.moved_m else ""

@@ -15,13 +15,15 @@ from vnav.core.frame import Rejected
 from vnav.core.grid import Grid
 from vnav.core.mapping import OptimisedMap
 from vnav.core.places import GOAL, point_of
-from vnav.errors import MapError
+from vnav.errors import MapError, VnavError
 from vnav.io.store.artifacts import load_grid, load_optimised
 from vnav.io.store.map_folder import MapFolder
 from vnav.io.store.places_file import known_names, load_keep_outs, load_places, require_placed
 from vnav.io.store.records import PoseNote, is_kind
+from vnav.planning.costmap import Costmap, costmap
 from vnav.planning.planner import Plan, heading_rad, plan_path
 from vnav.planning.snapping import Point, SnappedPoint
+from vnav.planning.tour import MOST, best_order
 
 log = logging.getLogger(__name__)
 
@@ -43,7 +45,8 @@ class FloorPose:
 class PlanAnswer:
     """A path, or why there is none; ``places`` are start and goal as far as they are known.
 
-    ``via``: the places that it leads over; ``keep_out``: corners (N, 2) of polygons, by name.
+    ``via``: the places that it leads over, ``order``: which of those asked for each is;
+    ``keep_out``: corners (N, 2) of polygons, by name.
     ``warnings`` say what is doubtful about the photos' camera.
     """
 
@@ -56,6 +59,7 @@ class PlanAnswer:
     warnings: tuple[str, ...] = ()
     via: tuple[FloorPose | Rejected, ...] = ()
     keep_out: Mapping[str, Array] = field(default_factory=dict)
+    order: tuple[int, ...] = ()
 
     @property
     def found(self) -> Plan | None:
@@ -97,13 +101,15 @@ def plan(
     locate: Locate,
     *,
     via: Sequence[Place] = (),
+    any_order: bool = False,
 ) -> PlanAnswer:
-    """A path between two places over others in turn, or why there is none.
+    """A path between two places over others, or why there is none.
 
     ``current`` is the pose of this map's last located photo, which is left as it is. The last yaw
     of the path is where the goal's photo looks, or that of a goal with a name. The map's keep-outs
-    are kept out of. MapError where the map has no grid, no current pose or no such name; whatever
-    ``locate`` raises for a photo that cannot be read.
+    are kept out of. ``via`` are passed in turn, or in the cheapest order where ``any_order`` is
+    right. MapError where the map has no grid, no current pose or no such name; whatever ``locate``
+    raises for a photo that cannot be read.
     """
     clock = [time.monotonic()]
     grid, keep_out = load_grid(folder), load_keep_outs(folder)
@@ -111,13 +117,18 @@ def plan(
     clock.append(time.monotonic())
     first, *between, last = (_floor_pose(folder, p, locate) for p in (start, *via, goal))
     clock.append(time.monotonic())
+    order = tuple(range(len(between)))
+    if any_order:
+        costs = costmap(grid.blocked(keep_out.values()), uncertainty_m, config)
+        order = _cheapest_order(costs, (first, *between, last), config)
+    between = [between[k] for k in order]
     found = _plan_over((first, *between, last), grid, keep_out, uncertainty_m, config)
     clock.append(time.monotonic())
     spent = np.round(np.diff(clock), 3).tolist()
     seconds = dict(zip(("load", "locate", "plan"), spent, strict=True))
     log.info(found.reason if isinstance(found, Rejected) else f"a path of {found.length_m:.2f} m")
     ends, over = (first, last), tuple(between)
-    return PlanAnswer(found, ends, grid, uncertainty_m, config, seconds, (), over, keep_out)
+    return PlanAnswer(found, ends, grid, uncertainty_m, config, seconds, (), over, keep_out, order)
 
 
 def map_uncertainty_m(optimised: OptimisedMap) -> float:
@@ -188,6 +199,19 @@ def _current(folder: MapFolder) -> Array:
 def _seen_from(T_world_camera: Array) -> FloorPose:
     x, y = T_world_camera[:2, 3].tolist()
     return FloorPose((x, y), heading_rad(T_world_camera))
+
+
+def _cheapest_order(
+    costs: Costmap, places: Sequence[FloorPose | Rejected], config: PlanConfig
+) -> tuple[int, ...]:
+    """How places between the first and the last are visited; as they are, where one is unknown."""
+    if len(places) - 2 > MOST:
+        raise VnavError(f"expected {MOST} places to visit at most, found {len(places) - 2}")
+    points = [place.point for place in places if isinstance(place, FloorPose)]
+    if len(points) < len(places):
+        return tuple(range(len(places) - 2))
+    start, *visits, goal = points
+    return best_order(costs, start, visits, goal, config.tolerance_m)
 
 
 def _plan_over(
