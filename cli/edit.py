@@ -43,7 +43,14 @@ def edit(context: click.Context, map_dir: Path) -> None:
 @click.option("--camera", metavar="FILE|auto", help=CAMERA_HELP)
 @click.pass_obj
 def add_goal(mapped: "Map", name: str, place: str, camera: str | None) -> None:
-    """Name a goal: metres in the map's world, or where a photo was taken and looks."""
+    """Name a goal.
+
+    It is given in metres in the map's world, or is where a photo was taken, and looks as that does.
+
+    \b
+    vnav edit my-map add-goal desk 2.5,-1
+    vnav edit my-map add-goal kitchen kitchen.jpg --camera camera.toml
+    """
     from vnav.core.places import point_of
 
     mapped.add_goal(name, point_of(place) or place, camera=camera)
@@ -55,7 +62,13 @@ def add_goal(mapped: "Map", name: str, place: str, camera: str | None) -> None:
 @click.argument("corners", nargs=-1, required=True, metavar="X,Y...")
 @click.pass_obj
 def keep_out(mapped: "Map", name: str, corners: tuple[str, ...]) -> None:
-    """Name a polygon of floor, by its corners in metres, that no path enters."""
+    """Name floor that no path enters.
+
+    It is a polygon of three corners or more, in metres in the map's world.
+
+    \b
+    vnav edit my-map keep-out stairs 1,1 2,1 2,3 1,3
+    """
     from vnav.core.places import point_of
 
     points = [point_of(corner) for corner in corners]
@@ -69,7 +82,11 @@ def keep_out(mapped: "Map", name: str, corners: tuple[str, ...]) -> None:
 @edit.command("list")
 @click.pass_obj
 def list_places(mapped: "Map") -> None:
-    """Tell all places, where they are in the map as it is now."""
+    """Tell where all places are in the map now.
+
+    \b
+    vnav edit my-map list
+    """
     places = mapped.places()
     if not places:
         say("no places yet", err=True)
@@ -81,7 +98,11 @@ def list_places(mapped: "Map") -> None:
 @click.argument("name")
 @click.pass_obj
 def remove(mapped: "Map", name: str) -> None:
-    """Forget a place."""
+    """Forget a place.
+
+    \b
+    vnav edit my-map remove stairs
+    """
     mapped.remove_place(name)
 
 

@@ -36,6 +36,7 @@ def cheapest_order(between: Array) -> tuple[int, ...]:
     its members (Held, Karp 1962).
     """
     inner = range(1, len(between) - 1)
+    best: dict[tuple[frozenset[int], int], tuple[float, tuple[int, ...]]]
     best = {(frozenset([k]), k): (between[0, k], (k,)) for k in inner}
     for subset in (frozenset(c) for size in inner[1:] for c in combinations(inner, size)):
         for last in subset:
