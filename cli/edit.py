@@ -10,7 +10,6 @@ from vnav.cli.locate import CAMERA_HELP
 from vnav.cli.say import say
 
 if TYPE_CHECKING:
-    from vnav.api.map import Map
     from vnav.core.places import LostPlace, NamedPlace
 
 NEGATIVE = {"ignore_unknown_options": True}  # -1,2 is a point
@@ -32,9 +31,7 @@ def edit(context: click.Context, map_dir: Path) -> None:
     vnav edit my-map list
     vnav edit my-map remove stairs
     """
-    from vnav.api.map import open_map
-
-    context.obj = open_map(map_dir)
+    context.obj = map_dir
 
 
 @edit.command(context_settings=NEGATIVE)
@@ -42,7 +39,7 @@ def edit(context: click.Context, map_dir: Path) -> None:
 @click.argument("place", metavar="X,Y|PHOTO")
 @click.option("--camera", metavar="FILE|auto", help=CAMERA_HELP)
 @click.pass_obj
-def add_goal(mapped: "Map", name: str, place: str, camera: str | None) -> None:
+def add_goal(map_dir: Path, name: str, place: str, camera: str | None) -> None:
     """Name a goal.
 
     It is given in metres in the map's world, or is where a photo was taken, and looks as that does.
@@ -51,8 +48,10 @@ def add_goal(mapped: "Map", name: str, place: str, camera: str | None) -> None:
     vnav edit my-map add-goal desk 2.5,-1
     vnav edit my-map add-goal kitchen kitchen.jpg --camera camera.toml
     """
+    from vnav.api.map import open_map
     from vnav.core.places import point_of
 
+    mapped = open_map(map_dir)
     mapped.add_goal(name, point_of(place) or place, camera=camera)
     say(_line(name, mapped.places()[name]))
 
@@ -61,7 +60,7 @@ def add_goal(mapped: "Map", name: str, place: str, camera: str | None) -> None:
 @click.argument("name")
 @click.argument("corners", nargs=-1, required=True, metavar="X,Y...")
 @click.pass_obj
-def keep_out(mapped: "Map", name: str, corners: tuple[str, ...]) -> None:
+def keep_out(map_dir: Path, name: str, corners: tuple[str, ...]) -> None:
     """Name floor that no path enters.
 
     It is a polygon of three corners or more, in metres in the map's world.
@@ -69,25 +68,29 @@ def keep_out(mapped: "Map", name: str, corners: tuple[str, ...]) -> None:
     \b
     vnav edit my-map keep-out stairs 1,1 2,1 2,3 1,3
     """
+    from vnav.api.map import open_map
     from vnav.core.places import point_of
 
     points = [point_of(corner) for corner in corners]
     if None in points:
         wrong = corners[points.index(None)]
         raise click.UsageError(f"expected corners X,Y in metres, found {wrong!r}")
+    mapped = open_map(map_dir)
     mapped.keep_out(name, [point for point in points if point])
     say(_line(name, mapped.places()[name]))
 
 
 @edit.command("list")
 @click.pass_obj
-def list_places(mapped: "Map") -> None:
+def list_places(map_dir: Path) -> None:
     """Tell where all places are in the map now.
 
     \b
     vnav edit my-map list
     """
-    places = mapped.places()
+    from vnav.api.map import open_map
+
+    places = open_map(map_dir).places()
     if not places:
         say("no places yet", err=True)
     for name, place in places.items():
@@ -97,13 +100,15 @@ def list_places(mapped: "Map") -> None:
 @edit.command()
 @click.argument("name")
 @click.pass_obj
-def remove(mapped: "Map", name: str) -> None:
+def remove(map_dir: Path, name: str) -> None:
     """Forget a place.
 
     \b
     vnav edit my-map remove stairs
     """
-    mapped.remove_place(name)
+    from vnav.api.map import open_map
+
+    open_map(map_dir).remove_place(name)
 
 
 def _line(name: str, place: "NamedPlace | LostPlace") -> str:

@@ -35,6 +35,12 @@ def test_places_are_named_listed_and_removed(edited: Path) -> None:
     assert run("edit", edited, "list").stdout == told[1]
 
 
+@pytest.mark.parametrize("command", ["add-goal", "keep-out", "list", "remove"])
+def test_help_needs_no_map_and_shows_an_example(command: str) -> None:
+    told = run("edit", "no-map", command, "--help").stdout
+    assert f"  vnav edit my-map {command}" in told
+
+
 def test_a_corner_that_is_no_point_is_a_usage_error(edited: Path) -> None:
     with pytest.raises(click.UsageError, match="found '2;1'"):
         run("edit", edited, "keep-out", "stairs", "1,1", "2;1", "2,3")

@@ -9,6 +9,8 @@ from vnav.core.arrays import Array
 from vnav.core.camera import Intrinsics
 from vnav.core.mapping import Landmarks
 
+CORNER_PX = 0.5  # where COLMAP and Nerfstudio have the first pixel's centre, which is 0 here
+
 
 @dataclass(frozen=True)
 class PosedImage:

@@ -13,10 +13,9 @@ import numpy as np
 from vnav.core import se3
 from vnav.core.arrays import Array
 from vnav.core.camera import Intrinsics
-from vnav.core.posed_images import PosedImage, PosedImages
+from vnav.core.posed_images import CORNER_PX, PosedImage, PosedImages
 from vnav.io.files import write_text
 
-CENTRE_PX = 0.5  # of the first pixel
 NO_POINT = -1
 
 
@@ -39,7 +38,7 @@ def write_model(folder: Path, views: PosedImages) -> list[Path]:
 def _cameras(cameras: Iterable[Intrinsics]) -> Iterator[str]:
     yield "# CAMERA_ID, MODEL, WIDTH, HEIGHT, fx, fy, cx, cy"
     for number, c in enumerate(cameras, 1):
-        values = c.fx, c.fy, c.cx + CENTRE_PX, c.cy + CENTRE_PX
+        values = c.fx, c.fy, c.cx + CORNER_PX, c.cy + CORNER_PX
         yield f"{number} PINHOLE {c.width} {c.height} {_numbers(values)}"
 
 
@@ -56,7 +55,7 @@ def _images(views: PosedImages) -> Iterator[str]:
         point = np.full(len(image.keypoints_px), NO_POINT)
         rows = seen.keyframe == image.number
         point[seen.feature[rows]] = seen.landmark[rows] + 1
-        keypoints = (image.keypoints_px.astype(float) + CENTRE_PX).tolist()
+        keypoints = (image.keypoints_px.astype(float) + CORNER_PX).tolist()
         pairs = zip(keypoints, point.tolist(), strict=True)
         yield " ".join(f"{u:.9g} {v:.9g} {known}" for (u, v), known in pairs)
 

@@ -11,10 +11,9 @@ from typing import Any
 import numpy as np
 
 from vnav.core.camera import Intrinsics
-from vnav.core.posed_images import PosedImages
+from vnav.core.posed_images import CORNER_PX, PosedImages
 from vnav.io.files import write_text
 
-CENTRE_PX = 0.5  # of the first pixel
 T_OPENCV_OPENGL = np.diag([1.0, -1.0, -1.0, 1.0])  # turns y and z over
 DEPTH_UNITS_PER_METRE = 1000  # what Nerfstudio takes depth images for, unless it is told
 
@@ -51,7 +50,7 @@ def _lens(camera: Intrinsics) -> dict[str, Any]:
         "h": camera.height,
         "fl_x": camera.fx,
         "fl_y": camera.fy,
-        "cx": camera.cx + CENTRE_PX,
-        "cy": camera.cy + CENTRE_PX,
+        "cx": camera.cx + CORNER_PX,
+        "cy": camera.cy + CORNER_PX,
         **dict.fromkeys(("k1", "k2", "p1", "p2"), 0.0),
     }
