@@ -99,7 +99,8 @@ def plan(
 ) -> int:
     """Plan a path that a robot can follow, from one place in a map to another.
 
-    Exit code 0: found; 3: there is none, or a photo was not located, and the reason is given.
+    Exit code 0: found; 3: there is none, or a photo was not located, and the reason is given. The
+    last path that was found is shown by 'vnav report'.
 
     \b
     vnav plan --from current --to goal.jpg --map my-map
@@ -119,7 +120,13 @@ def plan(
 
     mapped = open_map(map_dir)
     answer = mapped.plan(
-        start, goal, via=via or visit, any_order=bool(visit), camera=camera, config=resolved
+        start,
+        goal,
+        via=via or visit,
+        any_order=bool(visit),
+        camera=camera,
+        config=resolved,
+        remember=True,
     )
     for warning in dict.fromkeys(answer.warnings):
         warn(warning)

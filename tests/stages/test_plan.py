@@ -18,6 +18,7 @@ from rosbags.interfaces import Nodetype
 from rosbags.typesys import Stores, get_typestore
 from scipy.spatial.transform import Rotation
 
+from vnav.api.map import open_map
 from vnav.cli.main import cli
 from vnav.config import PlanConfig
 from vnav.core import se3
@@ -111,6 +112,31 @@ def test_current_is_where_the_last_photo_was_located_and_stays_so(rooms: Path) -
     )
     assert answer.as_dict()["start"]["asked"] == [0.5, 0.5]
     assert (rooms / "state" / "current.json").read_bytes() == before
+
+
+def test_a_path_is_the_maps_last_one_only_when_it_is_to_be_remembered(rooms: Path) -> None:
+    folder, mapped = MapFolder(rooms), open_map(rooms)
+    mapped.plan((0.0, 0.0), (1.0, 0.0))
+    assert folder.planned() is None
+    found = mapped.plan((0.0, 0.0), (1.0, 0.0), remember=True).found
+    planned = folder.planned()
+    assert found is not None
+    assert planned is not None
+    np.testing.assert_array_equal(planned["path_m"], found.poses)
+    mapped.plan((0.0, 0.0), (90.0, 90.0), remember=True)  # there is none
+    assert folder.planned() == planned
+
+
+def test_a_path_that_cannot_be_remembered_is_told(
+    rooms: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refuse(self: MapFolder, path: object) -> None:
+        raise PermissionError(13, "Permission denied")
+
+    monkeypatch.setattr(MapFolder, "write_planned", refuse)
+    answer = open_map(rooms).plan((0.0, 0.0), (1.0, 0.0), remember=True)
+    assert answer.found is not None
+    assert answer.warnings == (f"the path could not be remembered in {rooms}: Permission denied",)
 
 
 def test_the_last_yaw_is_where_the_goals_photo_looks(rooms: Path) -> None:

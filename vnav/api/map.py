@@ -180,6 +180,7 @@ class Map:
         any_order: bool = False,
         camera: CameraSource = None,
         config: ConfigSource = None,
+        remember: bool = False,
     ) -> "PlanAnswer":
         """A path from one place to another, over others, or why there is none.
 
@@ -187,10 +188,11 @@ class Map:
         name of a goal, or "current": where the last remembered photo was taken. The last yaw of the
         path is where the goal's photo looks. ``via`` are passed in turn, or, in ``any_order``, as
         is cheapest: 10 at most. The map's keep-outs are kept out of. The robot is
-        described in ``config``, section plan. MapError where the map has no grid, no current place,
-        or no such goal.
+        described in ``config``, section plan. ``remember`` has the report show the path; what
+        stands against that is in the warnings. MapError where the map has no grid, no current
+        place, or no such goal.
         """
-        from vnav.stages.plan import plan
+        from vnav.stages.plan import plan, remember_path
 
         settings, warnings = config_of(config), list[str]()
 
@@ -203,6 +205,8 @@ class Map:
         answer = plan(
             self._folder, first, last, settings.plan, pose_of, via=over, any_order=any_order
         )
+        problem = remember_path(self._folder, answer) if remember else None
+        warnings += [problem] if problem else []
         return dataclasses.replace(answer, warnings=tuple(warnings))
 
     def places(self) -> dict[str, NamedPlace | LostPlace]:

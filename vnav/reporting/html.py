@@ -5,26 +5,35 @@ from collections.abc import Iterable, Mapping
 from html import escape
 
 STYLE = """
-:root { color-scheme: light dark; }
+:root { color-scheme: light dark; --line: #8884; --soft: #8882; --good: #2e7d32; --bad: #c62828 }
+@media (prefers-color-scheme: dark) { :root { --good: #81c784; --bad: #ef9a9a } }
 body { font: 15px/1.5 system-ui, sans-serif; max-width: 62rem; margin: 2rem auto; padding: 0 1rem }
-h1 { margin-bottom: 0 } h2 { margin: 2.5rem 0 .5rem } small { opacity: .7 }
-table { border-collapse: collapse; width: 100% }
+h1 { margin-bottom: 0; overflow-wrap: anywhere } h2 { margin: 2.5rem 0 .5rem }
+small { opacity: .7; overflow-wrap: anywhere }
+table { border-collapse: collapse; width: 100% } .wide { overflow-x: auto }
 th, td { text-align: left; padding: .25rem .75rem .25rem 0; vertical-align: top }
-th, tr + tr td { border-top: 1px solid #8884 }
-img { width: 100%; background: #fff; border-radius: 6px; margin: .5rem 0 }
-.beside { display: flex; gap: 1rem; align-items: start } .beside img { flex: 1; min-width: 0 }
+th, tr + tr td { border-top: 1px solid var(--line) }
+.number { white-space: nowrap; font-variant-numeric: tabular-nums }
+figure { margin: 1rem 0 } figcaption { opacity: .75; font-size: 14px }
+img { display: block; width: 100%; background: #fff; border-radius: 6px; margin: .5rem 0 }
+.beside { display: flex; gap: 1rem; align-items: start } .beside > * { flex: 1; min-width: 0 }
 pre { overflow-x: auto; font-size: 13px }
-.tiles { display: flex; flex-wrap: wrap; gap: .75rem; margin: 1.5rem 0 }
-.tile { flex: 1 1 8rem; padding: .6rem .9rem; border-radius: 8px; background: #8882 }
-.tile b { display: block; font-size: 1.35rem }
+.tiles { display: grid; gap: .75rem; margin: 1.5rem 0 }
+.tiles { grid-template-columns: repeat(auto-fit, minmax(8rem, 1fr)) }
+.tile { padding: .6rem .9rem; border-radius: 8px; background: var(--soft) }
+.tile b { display: block; font-size: 1.25rem; white-space: nowrap }
 .warning { padding: .5rem .9rem; border-left: 4px solid #e65100; background: #e6510018 }
-.current, .accepted { color: #2e7d32 } .stale, .missing, .rejected { color: #c62828 }
+.verdict { padding: .6rem .9rem; border-left: 4px solid; border-radius: 4px; margin: 1.25rem 0 }
+.verdict p { margin: .3rem 0 0 } .verdict b { font-size: 1.25rem }
+.good { border-color: var(--good); background: #2e7d3218 }
+.doubtful { border-color: #e65100; background: #e6510018 }
+.current, .accepted { color: var(--good) } .stale, .missing, .rejected { color: var(--bad) }
 """
 
 
-def document(title: str, body: str) -> str:
-    """The whole page; ``title`` is text, ``body`` HTML."""
-    head = f'<meta charset="utf-8"><title>{escape(title)}</title><style>{STYLE}</style>'
+def document(title: str, body: str, style: str = "") -> str:
+    """The whole page; ``title`` is text, ``body`` HTML, ``style`` what its own figures need."""
+    head = f'<meta charset="utf-8"><title>{escape(title)}</title><style>{STYLE}{style}</style>'
     head += '<meta name="viewport" content="width=device-width">'
     return (
         f"<!doctype html>\n<html lang=en>\n<head>{head}</head>\n<body>\n{body}\n</body>\n</html>\n"
@@ -40,6 +49,12 @@ def tiles(values: Mapping[str, object]) -> str:
     return f'<div class="tiles">{"".join(cells)}</div>'
 
 
+def verdict(state: str, title: str, reasons: Iterable[str]) -> str:
+    """What matters most, first; ``state`` is "good" or "doubtful"."""
+    lines = "".join(f"<p>{escape(reason)}</p>" for reason in reasons)
+    return f'<div class="verdict {state}"><b>{escape(title)}</b>{lines}</div>'
+
+
 def warning(name: str, text: str) -> str:
     """A line that stands out."""
     return f'<p class="warning"><b>{escape(name)}</b>: {escape(text)}</p>'
@@ -50,13 +65,19 @@ def table(head: Iterable[str], rows: Iterable[Iterable[object]]) -> str:
     columns = list(head)
     top = "".join(f"<th>{cell}</th>" for cell in columns)
     lines = "\n".join(_row(list(row), len(columns)) for row in rows)
-    return f"<table>\n<tr>{top}</tr>\n{lines}\n</table>"
+    return f'<div class="wide"><table>\n<tr>{top}</tr>\n{lines}\n</table></div>'
 
 
 def _row(cells: list[object], width: int) -> str:
-    *first, last = cells
+    *first, last = (str(cell) for cell in cells)
     span = f" colspan={width - len(first)}" if len(cells) < width else ""
-    return "<tr>" + "".join(f"<td>{cell}</td>" for cell in first) + f"<td{span}>{last}</td></tr>"
+    return "<tr>" + "".join(_cell(cell) for cell in first) + _cell(last, span) + "</tr>"
+
+
+def _cell(text: str, span: str = "") -> str:
+    """A cell; what starts as a number does not wrap."""
+    number = ' class="number"' if text[:1].isdigit() else ""
+    return f"<td{number}{span}>{text}</td>"
 
 
 def beside(*parts: str) -> str:
@@ -69,7 +90,10 @@ def details(name: str, text: str) -> str:
     return f"<details><summary>{escape(name)}</summary><pre>{escape(text)}</pre></details>"
 
 
-def picture(name: str, png: bytes) -> str:
-    """A picture, inlined."""
-    data = base64.b64encode(png).decode()
-    return f'<img alt="{escape(name)}" src="data:image/png;base64,{data}">'
+def picture(name: str, data: bytes, caption: str = "", kind: str = "png") -> str:
+    """A picture, a "png" or a "jpeg", inlined; ``caption`` is text below it."""
+    text = base64.b64encode(data).decode()
+    image = f'<img alt="{escape(name)}" src="data:image/{kind};base64,{text}">'
+    if not caption:
+        return image
+    return f"<figure>{image}<figcaption>{escape(caption)}</figcaption></figure>"

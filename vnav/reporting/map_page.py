@@ -1,9 +1,12 @@
-"""One self-contained page about a map: numbers, pictures, warnings, loops and lost spans."""
+"""One self-contained page about a map: verdict, 3D view, numbers, pictures, loops, lost spans."""
 
 from collections.abc import Sequence
 from html import escape
 from pathlib import Path
 from typing import Any
+
+import cv2
+import numpy as np
 
 from vnav import __version__
 from vnav.core.mapping import LoopVerdict
@@ -12,8 +15,16 @@ from vnav.io.files import write_text
 from vnav.io.store.artifacts import load_loops
 from vnav.io.store.map_folder import STAGES, MapFolder, to_json
 from vnav.io.store.overview import overview
-from vnav.reporting import html
+from vnav.reporting import html, view3d
 from vnav.reporting import map_pictures as pictures
+
+JPEG = (cv2.IMWRITE_JPEG_QUALITY, 85)
+CAPTIONS = {
+    "trajectory": "Where the camera went, from above, and which keyframes loops join.",
+    "grid": "The floor plan that paths are planned on.",
+    "cloud": "The cloud from above, without what is higher, as ceilings are.",
+    "moving": "What moved before the camera, which the map leaves out.",
+}
 
 
 def write(folder: MapFolder) -> Path:
@@ -39,6 +50,8 @@ def page(folder: MapFolder) -> str:
     title = _title(values)
     parts = [
         f"<h1>{escape(title)}</h1>\n<small>{escape(values['map'])}, vnav {__version__}</small>",
+        _map_verdict(values),
+        view3d.figure(folder) if "grid" in values else "",
         _tiles(values),
         _warnings(reports),
         _pictures(folder, values),
@@ -48,7 +61,7 @@ def page(folder: MapFolder) -> str:
         "<h2>All numbers</h2>",
         *(html.details(name, to_json(report)) for name, report in reports.items() if report),
     ]
-    return html.document(title, "\n".join(parts))
+    return html.document(title, "\n".join(parts), view3d.style())
 
 
 def _title(values: dict[str, Any]) -> str:
@@ -56,10 +69,18 @@ def _title(values: dict[str, Any]) -> str:
     return f"Map of {names}" if names else "A map without captures"
 
 
+def _map_verdict(values: dict[str, Any]) -> str:
+    """Whether the map is good; else why not, and what to do."""
+    quality = values["quality"]
+    if not quality:
+        return html.verdict("doubtful", "No verdict", ["The map is not finished."])
+    if quality["doubts"]:
+        return html.verdict("doubtful", "Doubtful map", quality["doubts"])
+    return html.verdict("good", "Good map", ["Revisits, loops, steps and motions agree."])
+
+
 def _tiles(values: dict[str, Any]) -> str:
     tiles = {}
-    if values["quality"]:
-        tiles["verdict"] = values["quality"]["verdict"]
     if "frames" in values:
         tiles["frames tracked"] = f"{values['tracked']} of {values['frames']}"
         tiles["keyframes"] = values["keyframes"]
@@ -67,7 +88,7 @@ def _tiles(values: dict[str, Any]) -> str:
         tiles["loops accepted"] = f"{values['loops']['accepted']} of {values['loops']['tried']}"
     if "landmarks" in values:
         tiles["landmarks"] = values["landmarks"]
-        tiles["path"] = f"{values['path_m']:.1f} m"
+        tiles["camera's path"] = f"{values['path_m']:.1f} m"
     if "grid" in values:
         tiles["free floor"] = f"{values['grid']['area_m2']['free']:.1f} m²"
     tiles["on disk"] = f"{values['size_mb']:.1f} MB"
@@ -75,8 +96,12 @@ def _tiles(values: dict[str, Any]) -> str:
 
 
 def _warnings(reports: dict[str, dict[str, Any]]) -> str:
+    """What stages warned of; what the verdict doubts stands above."""
     found = [
-        (name, text) for name, report in reports.items() for text in report.get("warnings", ())
+        (name, text)
+        for name, report in reports.items()
+        for text in report.get("warnings", ())
+        if name != "quality"
     ]
     return "\n".join(html.warning(name, text) for name, text in found)
 
@@ -84,7 +109,16 @@ def _warnings(reports: dict[str, dict[str, Any]]) -> str:
 def _pictures(folder: MapFolder, values: dict[str, Any]) -> str:
     if "grid" not in values:
         return "<p>No pictures: the map is not fused yet.</p>"
-    return "\n".join(html.picture(p.stem, p.read_bytes()) for p in pictures.draw(folder))
+    return "\n".join(_picture(path) for path in pictures.draw(folder))
+
+
+def _picture(path: Path) -> str:
+    """A picture as it is; that of the cloud, which is like a photo, in a third of its bytes."""
+    data, kind, caption = path.read_bytes(), "png", CAPTIONS[path.stem]
+    if path.stem == "cloud":
+        image = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR)
+        data, kind = cv2.imencode(".jpg", image, JPEG)[1].tobytes(), "jpeg"
+    return html.picture(path.stem, data, caption, kind)
 
 
 def _stages(values: dict[str, Any], reports: dict[str, dict[str, Any]]) -> str:

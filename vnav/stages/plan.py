@@ -131,6 +131,17 @@ def plan(
     return PlanAnswer(found, ends, grid, uncertainty_m, config, seconds, (), over, keep_out, order)
 
 
+def remember_path(folder: MapFolder, answer: PlanAnswer) -> str | None:
+    """Make a path that was found the map's last one; why not, where the map cannot be written."""
+    if answer.found is None:
+        return None
+    try:
+        folder.write_planned(answer.as_dict())
+    except OSError as error:
+        return f"the path could not be remembered in {folder.root}: {error.strerror}"
+    return None
+
+
 def map_uncertainty_m(optimised: OptimisedMap) -> float:
     """How far the map's surfaces may be off, one standard deviation: 0 where it is not known.
 

@@ -352,14 +352,16 @@ def test_a_map_that_lacks_a_stage_or_has_a_stale_one_is_not_finished(folder: Map
         folder.require_finished()
 
 
-def test_a_current_pose_of_another_world_is_forgotten(tmp_path: Path) -> None:
+def test_a_current_pose_and_a_path_of_another_world_are_forgotten(tmp_path: Path) -> None:
     folder = MapFolder.create(tmp_path / "map")
     with folder.writing("optimise", {"seed": 0}, {}):
         pass
     folder.write_current({"x": 1.5})
+    folder.write_planned({"y": 2.5})
+    assert (folder.current(), folder.planned()) == ({"x": 1.5}, {"y": 2.5})
     with folder.writing("optimise", {"seed": 1}, {}):
         pass
-    assert folder.current() is None
+    assert (folder.current(), folder.planned()) == (None, None)
 
 
 @pytest.mark.parametrize("damage", [lambda path: path.write_text("maid"), Path.unlink])

@@ -270,15 +270,28 @@ class MapFolder:
 
     def write_current(self, pose: Mapping[str, Any]) -> None:
         """Remember the last located pose; OSError where the map is read-only."""
-        (self.root / "state").mkdir(exist_ok=True)
-        state = {"world": self._world(), "pose": dict(pose)}
-        _write_json(self.root / "state" / "current.json", state)
+        self._write_state("current", {"pose": dict(pose)})
 
     def current(self) -> dict[str, Any] | None:
         """The last located pose; None where no photo was located since the map got its world."""
-        state = _intact(self.root / "state" / "current.json")
-        pose: dict[str, Any] | None = state.get("pose")
-        return pose if state.get("world") == self._world() else None
+        return self._state("current").get("pose")
+
+    def write_planned(self, path: Mapping[str, Any]) -> None:
+        """Remember the last path; OSError where the map is read-only."""
+        self._write_state("path", {"plan": dict(path)})
+
+    def planned(self) -> dict[str, Any] | None:
+        """The last path; None where none was found since the map got its world."""
+        return self._state("path").get("plan")
+
+    def _write_state(self, name: str, values: Mapping[str, Any]) -> None:
+        (self.root / "state").mkdir(exist_ok=True)
+        _write_json(self.root / "state" / f"{name}.json", {"world": self._world(), **values})
+
+    def _state(self, name: str) -> dict[str, Any]:
+        """What was remembered in the world that the map has now, empty where nothing was."""
+        state = _intact(self.root / "state" / f"{name}.json")
+        return state if state.get("world") == self._world() else {}
 
     def _record(self, stage: str) -> "_Record":
         """A stage's stage.json, read once as long as it is the same file."""

@@ -5,6 +5,7 @@ from typing import Any, TypedDict, TypeVar
 
 import msgspec
 
+from vnav.core.camera import Intrinsics
 from vnav.errors import MEND, MapError
 from vnav.io.files import read_bytes
 
@@ -52,6 +53,21 @@ class VerdictNote(TypedDict):
 
     verdict: str
     doubts: list[str]
+
+
+class LocatedNote(TypedDict):
+    """What state/current.json says of the last located photo, among other things."""
+
+    photo: str
+    T_world_camera: PoseNote
+    intrinsics: Intrinsics
+
+
+class PathNote(TypedDict):
+    """What state/path.json says of the last path, among other things."""
+
+    path_m: list[tuple[float, float, float]]
+    length_m: float
 
 
 def read_json(path: Path, kind: type[Kind]) -> Kind:

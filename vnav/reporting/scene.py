@@ -1,0 +1,173 @@
+"""What the 3D view of a map draws: layers of points and lines in the world.
+
+Arrays are base64 of little-endian numbers. The cloud has at most `MOST_POINTS` points, of 16 bits a
+coordinate, so that a page carries it; the same map gives the same text.
+"""
+
+import base64
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, DTypeLike
+
+from vnav.core import se3
+from vnav.core.arrays import Array
+from vnav.core.camera import Intrinsics
+from vnav.core.mapping import LoopVerdict, Odometry
+from vnav.core.point_cloud import PointCloud
+from vnav.io.store.artifacts import (
+    load_cloud,
+    load_loops,
+    load_odometry,
+    load_optimised,
+    map_cameras,
+)
+from vnav.io.store.map_folder import MapFolder
+from vnav.io.store.records import LocatedNote, PathNote, is_kind
+
+MOST_POINTS = 200_000
+STEPS = 65535  # of a coordinate, over the side of the cloud's box
+DENSE = 1.5  # how much larger points are drawn than their distance: surfaces look closed
+KEYFRAME_M, PHOTO_M = 0.12, 0.5  # how long cameras are drawn
+PATH_M = 0.05  # how high above the floor a path is
+SQUARE_M, LARGE_SQUARE_M, LARGE_M = 1.0, 5.0, 30.0  # the floor's squares, and of maps so long
+
+
+@dataclass(frozen=True)
+class Layer:
+    """A part of the view that can be switched: its label, colour, and values for view.js."""
+
+    label: str
+    color: str
+    values: dict[str, Any]
+    is_shown: bool = True
+
+
+@dataclass(frozen=True)
+class Scene:
+    """Layers by name, and two corners (3,) in metres of what is looked at."""
+
+    low: Array
+    high: Array
+    layers: dict[str, Layer]
+
+    def values(self) -> dict[str, Any]:
+        """Plain values for view.js."""
+        layers = {name: {"color": a.color, **a.values} for name, a in self.layers.items()}
+        return {"low": _rounded(self.low), "high": _rounded(self.high), "layers": layers}
+
+
+def scene(folder: MapFolder) -> Scene:
+    """The view of a map whose stages up to fuse are finished."""
+    odometry, poses = load_odometry(folder), load_optimised(folder).T_world_camera
+    cloud, cameras = load_cloud(folder), map_cameras(folder)
+    low, high = _box(np.concatenate([cloud.points_world, poses[:, :3, 3]]))
+    layers = {
+        "cloud": cloud_layer(cloud, folder.settings("fuse")["fuse"]["voxel_m"]),
+        "trajectory": _trajectory(odometry, poses),
+        "keyframes": _keyframes(odometry, poses, cameras),
+        "loops": _loops(odometry, poses, load_loops(folder)),
+        "photo": _photo(folder.current()),
+        "path": _path(folder.planned()),
+        "squares": _squares(float(max(high[:2] - low[:2]))),
+    }
+    return Scene(low, high, {name: layer for name, layer in layers.items() if layer})
+
+
+def cloud_layer(cloud: PointCloud, voxel_m: float) -> Layer | None:
+    """Every n-th point, which a cloud by voxels has evenly; None of an empty one."""
+    if not len(cloud):
+        return None
+    kept = np.linspace(0, len(cloud) - 1, min(len(cloud), MOST_POINTS)).astype(int)
+    points = cloud.points_world[kept].astype(float)
+    low, high = points.min(0), points.max(0)
+    span = np.maximum(high - low, 1e-6)
+    values = {
+        "kind": "cloud",
+        "low": low.tolist(),
+        "span": span.tolist(),
+        "spacing_m": round(DENSE * voxel_m * float(np.sqrt(len(cloud) / len(kept))), 4),
+        "positions": _text(np.rint((points - low) / span * STEPS), "<u2"),
+        "colors": _text(cloud.colors[kept], "u1"),
+    }
+    return Layer("cloud", "#90a4ae", values)
+
+
+def frusta(T_world_camera: Array, camera: Intrinsics, length_m: float) -> Array:
+    """Pyramids (K, 5, 3): where cameras (K, 4, 4) are, and the corners of their images."""
+    right, bottom = camera.width - 0.5, camera.height - 0.5
+    corners = [(-0.5, -0.5), (right, -0.5), (right, bottom), (-0.5, bottom)]
+    points = np.vstack([np.zeros(3), camera.unproject(corners, np.full(4, length_m))])
+    return np.stack([se3.transform(T, points) for T in T_world_camera]).reshape(-1, 5, 3)
+
+
+def _box(points: Array) -> tuple[Array, Array]:
+    """Corners of the box of known points (N, 3), but for a hundredth that may be far off."""
+    known = points[np.isfinite(points).all(1)]
+    low, high = np.percentile(known, (1, 99), axis=0)
+    return low, high
+
+
+def _trajectory(odometry: Odometry, poses: Array) -> Layer:
+    """A line a capture, NaN where a frame has no pose."""
+    captures = odometry.frames.capture
+    lines = [_text(poses[captures == k, :3, 3], "<f4") for k in np.unique(captures)]
+    return Layer("trajectory", "#1e88e5", {"kind": "lines", "lines": lines})
+
+
+def _keyframes(odometry: Odometry, poses: Array, cameras: list[Intrinsics]) -> Layer:
+    rows = odometry.keyframe_rows
+    rows = rows[np.isfinite(poses[rows, 0, 0])]
+    captures = odometry.frames.capture[rows]
+    points = [
+        frusta(poses[rows[captures == k]], cameras[k], KEYFRAME_M) for k in np.unique(captures)
+    ]
+    values = {"kind": "frusta", "width": 0.6, "points": _text(np.concatenate(points), "<f4")}
+    return Layer(f"keyframes ({len(rows)})", "#5c6bc0", values)
+
+
+def _loops(odometry: Odometry, poses: Array, verdicts: tuple[LoopVerdict, ...]) -> Layer:
+    ends = np.array([(v.i, v.j) for v in verdicts if v.accepted and v.is_loop], int).reshape(-1, 2)
+    pairs = poses[odometry.keyframe_rows[ends], :3, 3]
+    pairs = pairs[np.isfinite(pairs).all((1, 2))]
+    values = {"kind": "pairs", "pairs": _text(pairs, "<f4")}
+    return Layer(f"loops ({len(pairs)})", "#ab47bc", values)
+
+
+def _photo(current: dict[str, Any] | None) -> Layer | None:
+    """The current place: where the last single photo was taken."""
+    if current is None or not is_kind(current, LocatedNote):
+        return None
+    known = current["intrinsics"]
+    camera = Intrinsics(*(known[key] for key in ("width", "height", "fx", "fy", "cx", "cy")))
+    if not camera.is_possible:
+        return None
+    points = frusta(np.array([current["T_world_camera"]], float), camera, PHOTO_M)
+    values = {"kind": "frusta", "width": 2, "points": _text(points, "<f4")}
+    return Layer(f"photo {Path(current['photo']).name}", "#fb8c00", values)
+
+
+def _path(planned: dict[str, Any] | None) -> Layer | None:
+    """The last path, a little above the floor."""
+    if planned is None or not is_kind(planned, PathNote) or not planned["path_m"]:
+        return None
+    points = np.array(planned["path_m"], float)
+    points[:, 2] = PATH_M  # in the place of yaw
+    values = {"kind": "lines", "lines": [_text(points, "<f4")]}
+    return Layer(f"path, {planned['length_m']:.1f} m", "#43a047", values)
+
+
+def _squares(size_m: float) -> Layer:
+    step_m = SQUARE_M if size_m < LARGE_M else LARGE_SQUARE_M
+    label = f"squares of {step_m:g} m at z = 0"
+    return Layer(label, "#8a949b", {"kind": "squares", "step_m": step_m})
+
+
+def _text(values: ArrayLike, dtype: DTypeLike) -> str:
+    return base64.b64encode(np.asarray(values).astype(dtype).tobytes()).decode()
+
+
+def _rounded(values: Array) -> list[float]:
+    return [round(float(value), 3) for value in values]
