@@ -4,6 +4,8 @@ import base64
 from collections.abc import Iterable, Mapping
 from html import escape
 
+NUMBER_LENGTH = 20  # at most, of a number with its unit; what is longer is a sentence
+
 STYLE = """
 :root { color-scheme: light dark; --line: #8884; --soft: #8882; --good: #2e7d32; --bad: #c62828 }
 @media (prefers-color-scheme: dark) { :root { --good: #81c784; --bad: #ef9a9a } }
@@ -14,6 +16,7 @@ table { border-collapse: collapse; width: 100% } .wide { overflow-x: auto }
 th, td { text-align: left; padding: .25rem .75rem .25rem 0; vertical-align: top }
 th, tr + tr td { border-top: 1px solid var(--line) }
 .number { white-space: nowrap; font-variant-numeric: tabular-nums }
+tr + tr td:only-child { border: 0; padding: 0 0 .5rem }
 figure { margin: 1rem 0 } figcaption { opacity: .75; font-size: 14px }
 img { display: block; width: 100%; background: #fff; border-radius: 6px; margin: .5rem 0 }
 .beside { display: flex; gap: 1rem; align-items: start } .beside > * { flex: 1; min-width: 0 }
@@ -75,8 +78,9 @@ def _row(cells: list[object], width: int) -> str:
 
 
 def _cell(text: str, span: str = "") -> str:
-    """A cell; what starts as a number does not wrap."""
-    number = ' class="number"' if text[:1].isdigit() else ""
+    """A cell; a number with its unit does not wrap."""
+    is_number = text[:1].isdigit() and len(text) <= NUMBER_LENGTH
+    number = ' class="number"' if is_number else ""
     return f"<td{number}{span}>{text}</td>"
 
 

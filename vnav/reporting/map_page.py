@@ -122,14 +122,16 @@ def _picture(path: Path) -> str:
 
 
 def _stages(values: dict[str, Any], reports: dict[str, dict[str, Any]]) -> str:
-    rows = []
+    rows = list[tuple[str, ...]]()
     for name, stage in values["stages"].items():
         lines = "<br>".join(escape(line) for line in reports[name].get("lines", ()))
         seconds = "" if stage["seconds"] is None else f"{stage['seconds']:.1f} s"
         state = f'<span class="{stage["state"]}">{stage["state"]}</span>'
-        rows.append((name, state, lines, seconds, f"{stage['size_mb']:.1f} MB"))
+        rows.append((name, state, seconds, f"{stage['size_mb']:.1f} MB"))
+        if lines:
+            rows.append((lines,))
     whole = "; ".join(escape(line) for line in reports["map"].get("lines", ()))
-    table = html.table(("stage", "state", "", "time", "size"), rows)
+    table = html.table(("stage", "state", "time", "size"), rows)
     return f"<h2>Stages</h2>\n{table}\n<p>{whole}</p>"
 
 

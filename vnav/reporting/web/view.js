@@ -146,7 +146,9 @@
 
   const [low, high] = [data.low, data.high];
   const extent = Math.hypot(...high.map((value, k) => value - low[k]));
-  const START = { yaw: -2.2, pitch: 0.75 }, TOP = { yaw: -Math.PI / 2, pitch: Math.PI / 2 - 1e-3 };
+  const STEEPEST = Math.PI / 2 - 1e-3;
+  const START = { yaw: -2.2, pitch: 0.75, isPlan: false };
+  const TOP = { yaw: -Math.PI / 2, pitch: STEEPEST, isPlan: true }; // without perspective
   const eye = { at: [0, 0, 0], away: 1, ...START };
 
   const HALF = Math.tan(Math.PI / 8); // of the picture's height, a metre before the eye
@@ -168,9 +170,10 @@
   function reset(turn) {
     Object.assign(eye, turn, { at: high.map((value, k) => (value + low[k]) / 2) });
     for (let round = 0; round < 4; round++) {
-      const far = corners().map(([x, y, z]) => Math.max(Math.abs(y), Math.abs(x) / camera.aspect) / HALF - z);
-      eye.away = 1.05 * Math.max(...far);
-      const slopes = corners().map(([, y, z]) => y / (eye.away + z));
+      const depth = (z) => (eye.isPlan ? 0 : z);
+      const far = ([x, y, z]) => Math.max(Math.abs(y), Math.abs(x) / camera.aspect) / HALF - depth(z);
+      eye.away = 1.05 * Math.max(...corners().map(far));
+      const slopes = corners().map(([, y, z]) => y / (eye.away + depth(z)));
       const middle = (eye.away * (Math.max(...slopes) + Math.min(...slopes))) / 2;
       eye.at = eye.at.map((value, k) => value + middle * axes()[1][k]);
     }
@@ -179,7 +182,8 @@
 
   function turn(yaw, pitch) {
     eye.yaw -= yaw;
-    eye.pitch = Math.min(Math.max(eye.pitch + pitch, -TOP.pitch), TOP.pitch);
+    eye.pitch = Math.min(Math.max(eye.pitch + pitch, -STEEPEST), STEEPEST);
+    eye.isPlan = eye.isPlan && !pitch;
     draw();
   }
 
@@ -205,7 +209,10 @@
       const forward = axes()[2];
       camera.position.set(...eye.at.map((value, k) => value - eye.away * forward[k]));
       camera.lookAt(new ogl.Vec3(...eye.at));
-      camera.perspective({ near: 0.02, far: eye.away + 2 * extent });
+      const far = eye.away + 2 * extent;
+      const [wide, tall] = [camera.aspect * HALF * eye.away, HALF * eye.away];
+      if (!eye.isPlan) camera.perspective({ near: 0.02, far });
+      else camera.orthographic({ near: -far, far, left: -wide, right: wide, bottom: -tall, top: tall });
       const back = getComputedStyle(canvas).backgroundColor.match(/[\d.]+/g).slice(0, 3);
       gl.clearColor(...back.map((value) => value / 255), 1);
       renderer.render({ scene, camera });
@@ -262,6 +269,7 @@
   };
   for (const button of figure.querySelectorAll("button"))
     button.addEventListener("click", BUTTONS[button.value]);
+  if (!figure.requestFullscreen) figure.querySelector("[value=full]").remove(); // as on an iPhone
 
   const slider = figure.querySelector("[name=cut]");
   const cut = () => {
