@@ -118,7 +118,8 @@ def locate(
         source = _arriving(watched) if streams else paths
         answers = mapped.locate_each(source, sequence=sequence, **asked)
     else:
-        answers = mapped.locate_all(paths, progress=shown.progress, **asked, **sharing)
+        asked |= {"progress": shown.progress, "remember": True}
+        answers = mapped.locate_all(paths, **asked, **sharing)
     return _tell(mapped, answers, shown, csv_file, pictures)
 
 

@@ -53,6 +53,14 @@ def test_the_installed_package_brings_its_presets_and_types(site: Path) -> None:
     assert (site / "vnav" / "py.typed").is_file()
 
 
+def test_the_installed_package_draws_the_report(site: Path) -> None:
+    code = "from vnav.reporting import view3d; print(len(view3d.style()), view3d.__file__)"
+    length, path = _run(site, "-c", code).split()
+    assert int(length) > 500
+    assert Path(path).is_relative_to(site)
+    assert {"ogl.min.js", "view.js"} <= {p.name for p in Path(path).parent.glob("web/*")}
+
+
 def test_a_program_far_from_the_checkout_asks_a_map(
     site: Path, whole_map: Path, tiny_capture: Path
 ) -> None:

@@ -94,6 +94,20 @@ def test_many_photos_are_answered_in_their_order(mapped: vnav.Map, photos: list[
     assert [answer.path for answer in mapped.locate_all(photos)] == photos
 
 
+def test_the_report_is_told_where_photos_were_taken_only_when_asked(
+    mapped: vnav.Map, photos: list[Path], tmp_path: Path
+) -> None:
+    folder = MapFolder(mapped.root)
+    (tmp_path / "broken.jpg").write_text("none")
+    list(mapped.locate_all(photos))
+    assert folder.photos() == []
+    before = folder.current()
+    answers = list(mapped.locate_all([tmp_path / "broken.jpg", *photos], remember=True))
+    told = [(note["photo"], note["T_world_camera"]) for note in folder.photos()]
+    assert told == [(str(a.path), pose(a).tolist()) for a in answers[1:]]
+    assert folder.current() == before
+
+
 def test_a_photo_that_cannot_be_read_is_told_and_the_others_are_answered(
     mapped: vnav.Map, photos: list[Path], tmp_path: Path
 ) -> None:

@@ -97,14 +97,17 @@ def test_a_camera_is_drawn_the_way_it_looks() -> None:
     np.testing.assert_allclose(sides, [0.32, 0.24])  # 320 and 240 pixels of 1/300, 0.3 m away
 
 
-def test_the_last_located_photo_and_the_last_path_are_shown(copied: MapFolder) -> None:
-    assert not {"photo", "path"} & set(scene(copied).layers)
+def test_located_photos_and_the_last_path_are_shown(copied: MapFolder) -> None:
+    assert not {"photo", "photos", "path"} & set(scene(copied).layers)
     pose = {"T_world_camera": np.eye(4).tolist(), "intrinsics": vars(CAMERA)}
     copied.write_current({"photo": "photos/a.jpg", **pose})
+    copied.write_photos([{"photo": "b.jpg", **pose}, {"photo": "c.jpg", **pose}])
     copied.write_planned({"path_m": [[0, 1, 3.1], [1, 1, 0.5]], "length_m": 1.0})
     layers = scene(copied).layers
     assert (layers["photo"].label, layers["path"].label) == ("photo a.jpg", "path, 1.0 m")
     assert array(layers["photo"].values["points"], "<f4", 5, 3).shape == (1, 5, 3)
+    assert layers["photos"].label == "located photos (2)"
+    assert array(layers["photos"].values["points"], "<f4", 5, 3).shape == (2, 5, 3)
     (path,) = layers["path"].values["lines"]
     assert array(path, "<f4", 3).tolist() == np.float32([[0, 1, PATH_M], [1, 1, PATH_M]]).tolist()
 
@@ -121,8 +124,10 @@ def test_a_photo_whose_name_is_markup_is_text(copied: MapFolder) -> None:
 def test_a_crafted_state_is_not_drawn(copied: MapFolder, camera: dict[str, Any]) -> None:
     pose = {"T_world_camera": np.eye(4).tolist(), "intrinsics": camera}
     copied.write_current({"photo": "a.jpg", **pose})
+    copied.write_photos([{"photo": "a.jpg", **pose}])
     copied.write_planned({"path_m": [["x"]], "length_m": 1.0})
-    assert not {"photo", "path"} & set(scene(copied).layers)
+    assert copied.photos()
+    assert not {"photo", "photos", "path"} & set(scene(copied).layers)
 
 
 def test_the_same_map_has_the_same_view(fused_map: Path) -> None:

@@ -134,13 +134,20 @@ class Map:
         config: ConfigSource = None,
         jobs: int = 0,
         scheduler: str = "",
+        remember: bool = False,
         progress: Progress = silent,
     ) -> Iterator[PhotoAnswer | UnreadablePhoto]:
         """Answers in the order of the photos, all cores at work, or shared out among processes.
 
         ``jobs`` and ``scheduler`` as for `vnav.batch.run`. A photo that cannot be read is named
-        with the reason; the others are answered.
+        with the reason; the others are answered. ``remember`` has the report show the poses.
         """
+        if remember:
+            from vnav.stages.locate import remembering
+
+            asked: dict[str, Any] = {"camera": camera, "config": config, "progress": progress}
+            answers = self.locate_all(photos, jobs=jobs, scheduler=scheduler, **asked)
+            return remembering(self._folder, answers)
         settings, source = config_of(config), photo_camera_of(camera)
         paths = tuple(Path(photo).absolute() if scheduler else Path(photo) for photo in photos)
         if jobs or scheduler:

@@ -70,6 +70,7 @@ def scene(folder: MapFolder) -> Scene:
         "keyframes": _keyframes(odometry, poses, cameras),
         "loops": _loops(odometry, poses, load_loops(folder)),
         "photo": _photo(folder.current()),
+        "photos": _photos(folder.photos()),
         "path": _path(folder.planned()),
         "squares": _squares(float(max(high[:2] - low[:2]))),
     }
@@ -138,15 +139,31 @@ def _loops(odometry: Odometry, poses: Array, verdicts: tuple[LoopVerdict, ...]) 
 
 def _photo(current: dict[str, Any] | None) -> Layer | None:
     """The current place: where the last single photo was taken."""
-    if current is None or not is_kind(current, LocatedNote):
+    pyramid = _photo_frustum(current)
+    if current is None or pyramid is None:
         return None
-    known = current["intrinsics"]
+    values = {"kind": "frusta", "width": 2, "points": _text(pyramid, "<f4")}
+    return Layer(f"photo {Path(current['photo']).name}", "#fb8c00", values)
+
+
+def _photos(located: list[dict[str, Any]]) -> Layer | None:
+    """Where the photos were taken that were located last together."""
+    points = [pyramid for pyramid in map(_photo_frustum, located) if pyramid is not None]
+    if not points:
+        return None
+    values = {"kind": "frusta", "width": 1.2, "points": _text(np.concatenate(points), "<f4")}
+    return Layer(f"located photos ({len(points)})", "#f4511e", values)
+
+
+def _photo_frustum(note: dict[str, Any] | None) -> Array | None:
+    """The pyramid (1, 5, 3) of a photo; None where its note is none that `locate` wrote."""
+    if note is None or not is_kind(note, LocatedNote):
+        return None
+    known = note["intrinsics"]
     camera = Intrinsics(*(known[key] for key in ("width", "height", "fx", "fy", "cx", "cy")))
     if not camera.is_possible:
         return None
-    points = frusta(np.array([current["T_world_camera"]], float), camera, PHOTO_M)
-    values = {"kind": "frusta", "width": 2, "points": _text(points, "<f4")}
-    return Layer(f"photo {Path(current['photo']).name}", "#fb8c00", values)
+    return frusta(np.array([note["T_world_camera"]], float), camera, PHOTO_M)
 
 
 def _path(planned: dict[str, Any] | None) -> Layer | None:

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from functools import cached_property, partial
 from pathlib import Path
 from threading import Thread
+from typing import Any
 
 import cv2
 import numpy as np
@@ -199,6 +200,25 @@ def remember(folder: MapFolder, answer: PhotoAnswer | UnreadablePhoto) -> str | 
     except OSError as error:
         return f"the pose could not be remembered in {folder.root}: {error.strerror}"
     return None
+
+
+def remembering(
+    folder: MapFolder, answers: Iterable[PhotoAnswer | UnreadablePhoto]
+) -> Iterator[PhotoAnswer | UnreadablePhoto]:
+    """Answers as they come; after the last, the photos that were located become the map's photos.
+
+    A map that cannot be written is told in the log.
+    """
+    located = list[dict[str, Any]]()
+    for answer in answers:
+        yield answer
+        if answer.located:
+            told = answer.as_dict()
+            located.append({key: told[key] for key in ("photo", "T_world_camera", "intrinsics")})
+    try:
+        folder.write_photos(located)
+    except OSError as error:
+        log.warning(f"the poses could not be remembered in {folder.root}: {error.strerror}")
 
 
 def scaled_down(image: NDArray[np.uint8], longest_px: int) -> NDArray[np.uint8]:

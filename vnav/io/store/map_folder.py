@@ -284,6 +284,15 @@ class MapFolder:
         """The last path; None where none was found since the map got its world."""
         return self._state("path").get("plan")
 
+    def write_photos(self, poses: Sequence[Mapping[str, Any]]) -> None:
+        """Remember the photos that were located last together; OSError where it is read-only."""
+        self._write_state("photos", {"photos": [dict(pose) for pose in poses]})
+
+    def photos(self) -> list[dict[str, Any]]:
+        """The photos that were located last together, in the world that the map has now."""
+        found: list[dict[str, Any]] = self._state("photos").get("photos", [])
+        return found if is_kind(found, list[dict[str, Any]]) else []
+
     def _write_state(self, name: str, values: Mapping[str, Any]) -> None:
         (self.root / "state").mkdir(exist_ok=True)
         _write_json(self.root / "state" / f"{name}.json", {"world": self._world(), **values})

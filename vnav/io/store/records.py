@@ -56,7 +56,7 @@ class VerdictNote(TypedDict):
 
 
 class LocatedNote(TypedDict):
-    """What state/current.json says of the last located photo, among other things."""
+    """What state/ says of a located photo, among other things."""
 
     photo: str
     T_world_camera: PoseNote
