@@ -11,9 +11,10 @@ from vnav.cli.say import say
 @click.command()
 @map_argument_or_option
 def report(map_dir: Path) -> None:
-    """Write reports/report.html in a map: numbers, pictures, warnings, loops, lost spans.
+    """Write reports/report.html in a map: verdict, 3D view, pictures, loops, lost spans.
 
-    The page is one file that needs nothing else.
+    The page is one file that needs nothing else. Photos that were located last and the last path
+    are part of it.
 
     \b
     vnav report my-map

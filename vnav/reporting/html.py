@@ -21,9 +21,8 @@ figure { margin: 1rem 0 } figcaption { opacity: .75; font-size: 14px }
 img { display: block; width: 100%; background: #fff; border-radius: 6px; margin: .5rem 0 }
 .beside { display: flex; gap: 1rem; align-items: start } .beside > * { flex: 1; min-width: 0 }
 pre { overflow-x: auto; font-size: 13px }
-.tiles { display: grid; gap: .75rem; margin: 1.5rem 0 }
-.tiles { grid-template-columns: repeat(auto-fit, minmax(8rem, 1fr)) }
-.tile { padding: .6rem .9rem; border-radius: 8px; background: var(--soft) }
+.tiles { display: flex; flex-wrap: wrap; gap: .75rem; margin: 1.5rem 0 }
+.tile { flex: 1 1 6.5rem; padding: .6rem .75rem; border-radius: 8px; background: var(--soft) }
 .tile b { display: block; font-size: 1.25rem; white-space: nowrap }
 .warning { padding: .5rem .9rem; border-left: 4px solid #e65100; background: #e6510018 }
 .verdict { padding: .6rem .9rem; border-left: 4px solid; border-radius: 4px; margin: 1.25rem 0 }
