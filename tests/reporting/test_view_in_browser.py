@@ -166,13 +166,13 @@ def test_layers_keys_and_touch_change_what_is_drawn(report: Path, browser: Brows
         ("+", "false"),
     ):
         assert changed(key % (name, shift)) > 0.02, name
-    touch = {"x": 400, "y": 400, "id": 1}
-    before = browser.view()
-    browser.ask("Input.dispatchTouchEvent", type="touchStart", touchPoints=[touch])
-    browser.ask("Input.dispatchTouchEvent", type="touchMove", touchPoints=[touch | {"x": 300}])
-    browser.ask("Input.dispatchTouchEvent", type="touchEnd", touchPoints=[])
-    browser.run(frame)
-    assert shares(browser.view(), before) > 0.02
+    one, two = {"x": 400, "y": 400, "id": 1}, {"x": 300, "y": 400, "id": 2}
+    for fingers in ([one], [one, two]):
+        before, moved = browser.view(), [fingers[0] | {"x": 500}, *fingers[1:]]
+        for kind, points in (("Start", fingers), ("Move", moved), ("End", [])):
+            browser.ask("Input.dispatchTouchEvent", type=f"touch{kind}", touchPoints=points)
+        browser.run(frame)
+        assert shares(browser.view(), before) > 0.02, fingers
     assert changed("document.querySelector('[data-layer=cloud]').click()") > 0.1
     assert browser.said == []
 

@@ -273,7 +273,7 @@
 
   const slider = figure.querySelector("[name=cut]");
   const cut = () => {
-    shared.cut.value = slider.valueAsNumber >= Number(slider.max) ? Infinity : slider.valueAsNumber;
+    shared.cut.value = slider.valueAsNumber >= Number(slider.max) ? 1e9 : slider.valueAsNumber; // or all
     slider.nextElementSibling.textContent = `${slider.valueAsNumber.toFixed(1)} m`;
     draw();
   };
