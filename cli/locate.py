@@ -100,11 +100,11 @@ def locate(
     from vnav.io.photos.photo_files import find_photos
 
     streams = from_stdin or watched is not None
-    sharing: dict[str, Any] = {"jobs": jobs or 0, "scheduler": scheduler}
+    share: dict[str, Any] = {"jobs": jobs or 0, "scheduler": scheduler}
     require_one_way(jobs, scheduler)
     _require_one_source(photos, from_stdin, watched)
     _require_no(streams, {"overlay": overlay}, "--stdin or --watch")
-    _require_no(streams or sequence, sharing, "--stdin, --watch or --sequence")
+    _require_no(streams or sequence, share, "--stdin, --watch or --sequence")
     mapped, resolved = open_map(map_dir), config.load(config_source, settings)
     paths, alone = find_photos(photos), _is_one(photos)
     _require_another(csv_file, paths)
@@ -118,8 +118,7 @@ def locate(
         source = _arriving(watched) if streams else paths
         answers = mapped.locate_each(source, sequence=sequence, **asked)
     else:
-        asked |= {"progress": shown.progress, "remember": True}
-        answers = mapped.locate_all(paths, **asked, **sharing)
+        answers = mapped.locate_all(paths, remember=True, progress=shown.progress, **asked, **share)
     return _tell(mapped, answers, shown, csv_file, pictures)
 
 

@@ -2,14 +2,18 @@
 
 import dataclasses
 import json
+from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
 from vnav.cli.locate import CAMERA_HELP
 from vnav.cli.options import config_options, map_option, named_png, warn
 from vnav.cli.say import say
+
+if TYPE_CHECKING:
+    from vnav.config import Config
 
 
 @click.command()
@@ -114,31 +118,27 @@ def plan(
 
     if via and visit:
         raise click.UsageError("expected --via or --visit, found both")
-    changes = {name: value for name, value in robot.items() if value is not None}
-    resolved = config.load(config_source, settings)
-    resolved = dataclasses.replace(resolved, plan=dataclasses.replace(resolved.plan, **changes))
-
+    resolved = _for_robot(config.load(config_source, settings), robot)
     mapped = open_map(map_dir)
-    answer = mapped.plan(
-        start,
-        goal,
-        via=via or visit,
-        any_order=bool(visit),
-        camera=camera,
-        config=resolved,
-        remember=True,
-    )
+    asked: dict[str, Any] = {"camera": camera, "config": resolved, "remember": True}
+    over = via or visit
+    answer = mapped.plan(start, goal, via=over, any_order=bool(visit), **asked)
     for warning in dict.fromkeys(answer.warnings):
         warn(warning)
-    if csv_file and answer.found:
-        write_csv(csv_file, answer.found)
-    if yaml_file and answer.found:
-        write_ros_path(yaml_file, answer.found)
+    for file, write in ((csv_file, write_csv), (yaml_file, write_ros_path)):
+        if file and answer.found:
+            write(file, answer.found)
     if png_file:
         mapped.draw_plan(answer, png_file)
     if as_json:
         click.echo(json.dumps(answer.as_dict(), indent=1, allow_nan=False))
     else:
-        for line in summary(answer, start, goal, via or visit):
+        for line in summary(answer, start, goal, over):
             say(line)
     return 0 if answer.found else 3
+
+
+def _for_robot(config: "Config", options: Mapping[str, Any]) -> "Config":
+    """The settings with those of section plan that options give, None being none."""
+    given = {name: value for name, value in options.items() if value is not None}
+    return dataclasses.replace(config, plan=dataclasses.replace(config.plan, **given))

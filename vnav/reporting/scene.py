@@ -46,7 +46,7 @@ class Layer:
 
 
 @dataclass(frozen=True)
-class Scene:
+class MapScene:
     """Layers by name, and two corners (3,) in metres of what is looked at."""
 
     low: Array
@@ -59,7 +59,7 @@ class Scene:
         return {"low": _rounded(self.low), "high": _rounded(self.high), "layers": layers}
 
 
-def scene(folder: MapFolder) -> Scene:
+def scene(folder: MapFolder) -> MapScene:
     """The view of a map whose stages up to fuse are finished."""
     odometry, poses = load_odometry(folder), load_optimised(folder).T_world_camera
     cloud, cameras = load_cloud(folder), map_cameras(folder)
@@ -74,7 +74,7 @@ def scene(folder: MapFolder) -> Scene:
         "path": _path(folder.planned()),
         "squares": _squares(float(max(high[:2] - low[:2]))),
     }
-    return Scene(low, high, {name: layer for name, layer in layers.items() if layer})
+    return MapScene(low, high, {name: layer for name, layer in layers.items() if layer})
 
 
 def cloud_layer(cloud: PointCloud, voxel_m: float) -> Layer | None:

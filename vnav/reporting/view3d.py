@@ -9,7 +9,7 @@ from importlib import resources
 
 from vnav.io.store.map_folder import MapFolder
 from vnav.reporting.map_pictures import CUT_M
-from vnav.reporting.scene import Layer, Scene, scene
+from vnav.reporting.scene import Layer, MapScene, scene
 
 INSTEAD = (
     "The 3D view needs JavaScript and WebGL 2, which are not there. The pictures below show the"
@@ -58,7 +58,7 @@ def _buttons() -> str:
     )
 
 
-def _cut(shown: Scene) -> str:
+def _cut(shown: MapScene) -> str:
     """The slider that takes ceilings off; it starts where the picture of the cloud is cut."""
     low, high = (float(corner[2]) for corner in (shown.low, shown.high))
     low, high = min(low, 0.0) + 0.1, high + 0.1

@@ -50,8 +50,7 @@ def open_capture(
 
     Its camera comes from ``camera_file``, else camera.toml in the folder, else the frames
     themselves, else the file that a tool left there, else the preset that ``config.preset_camera``
-    names;
-    ``config.units_per_metre`` above 0 replaces the camera's. CaptureError where there is no
+    names; ``config.units_per_metre`` above 0 replaces the camera's. CaptureError where there is no
     capture, CameraError where there is no camera.
     """
     reader = _format_of(path)
