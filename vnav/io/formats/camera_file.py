@@ -113,7 +113,7 @@ def _without_units(path: Path, color: Intrinsics) -> CameraError:
     error = CameraError(
         f"expected the units of depth, found none in {path}, whose format does not tell them; give"
         " them with --set capture.units_per_metre=1000 where depth is in millimetres, or save the"
-        f" proposed camera.toml in the capture and correct its units_per_metre"
+        " proposed camera.toml in the capture and correct its units_per_metre"
     )
     error.add_note(camera_text(Camera(color, MILLIMETRES), {"units_per_metre": GUESS}))
     return error
