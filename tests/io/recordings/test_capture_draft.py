@@ -56,6 +56,21 @@ def test_an_interruption_leaves_nothing(tmp_path: Path) -> None:
     assert not list(tmp_path.iterdir())
 
 
+def test_two_that_write_one_folder_do_not_touch_each_others_images(tmp_path: Path) -> None:
+    def both() -> None:
+        with new_capture(tmp_path / "out") as late:
+            with new_capture(tmp_path / "out") as early:
+                late.add("rgb", 5, b"late", ".png")
+                early.add("rgb", 7, b"early", ".png")
+                early.finish(CAMERA, NO_POSES)
+            late.finish(CAMERA, NO_POSES)
+
+    with pytest.raises(CaptureError, match="expected to write a capture to .*out, found"):
+        both()
+    assert [path.name for path in tmp_path.iterdir()] == ["out"]
+    assert [path.read_bytes() for path in (tmp_path / "out" / "rgb").iterdir()] == [b"early"]
+
+
 def test_what_a_kill_left_is_no_part_of_the_next_capture(tmp_path: Path) -> None:
     (tmp_path / ".out.draft" / "rgb").mkdir(parents=True)
     (tmp_path / ".out.draft" / "rgb" / "old.png").touch()

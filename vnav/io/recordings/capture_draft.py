@@ -1,9 +1,9 @@
 """A capture folder that is made whole or not at all: TUM RGB-D layout and a camera.toml."""
 
-import shutil
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 from vnav.core.camera import Camera
 from vnav.core.frame import Rejected
@@ -64,18 +64,17 @@ def new_capture(folder: Path) -> Iterator[CaptureDraft]:
             f"expected to write a new folder {folder}, found that it is there already; remove it or"
             " name another"
         )
-    draft = folder.with_name(f".{folder.name}.draft")
     try:
-        shutil.rmtree(draft, ignore_errors=True)  # what an interruption left
-        yield CaptureDraft(draft)
-        draft.rename(folder)
+        folder.parent.mkdir(parents=True, exist_ok=True)
+        with TemporaryDirectory(dir=folder.parent, prefix=".", suffix=".draft") as scratch:
+            draft = CaptureDraft(Path(scratch) / "capture")
+            yield draft
+            draft.root.rename(folder)
     except OSError as error:
         raise CaptureError(
             f"expected to write a capture to {folder}, found: {error.strerror}; make room there,"
             " give write permission, or name another folder"
         ) from error
-    finally:
-        shutil.rmtree(draft, ignore_errors=True)
 
 
 def _seconds(stamp_ns: int) -> str:
