@@ -1,6 +1,7 @@
 """Fixtures that several parts' tests share; made once a session, read-only."""
 
 import shutil
+import sys
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager
@@ -18,6 +19,21 @@ if TYPE_CHECKING:
     from vnav.io.store.map_folder import MapFolder
 
     Altering = Callable[[MapFolder, str], AbstractContextManager[Path]]
+
+
+@pytest.fixture
+def vnav(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> Callable[..., tuple[int, str, str]]:
+    """Runs a command line in this process: exit code, stdout, stderr."""
+    from vnav.cli.main import main
+
+    def run(*arguments: object) -> tuple[int, str, str]:
+        monkeypatch.setattr(sys, "argv", ["vnav", *map(str, arguments)])
+        code = main()
+        return code, *capsys.readouterr()
+
+    return run
 
 
 @pytest.fixture(scope="session")

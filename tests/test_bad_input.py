@@ -2,7 +2,6 @@
 
 import json
 import shutil
-import sys
 from collections.abc import Callable
 from pathlib import Path
 
@@ -10,24 +9,11 @@ import cv2
 import numpy as np
 import pytest
 
-from vnav.cli.main import main
 from vnav.io.store.map_folder import FORMAT, MapFolder
 
 FRAMES = 16  # enough of the tiny capture for a map
 
 Vnav = Callable[..., tuple[int, str, str]]
-
-
-@pytest.fixture
-def vnav(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Vnav:
-    """Runs a command line in this process: exit code, stdout, stderr."""
-
-    def run(*arguments: object) -> tuple[int, str, str]:
-        monkeypatch.setattr(sys, "argv", ["vnav", *map(str, arguments)])
-        code = main()
-        return code, *capsys.readouterr()
-
-    return run
 
 
 @pytest.fixture

@@ -1,29 +1,15 @@
 """vnav import, on a bag of a rendered capture."""
 
-import sys
 from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
 from tests.io.recordings.bags import COLOR, COLOR_INFO, DEPTH, WRITERS, recorded
-from vnav.cli.main import main
 
 FRAMES = 3
 
 Vnav = Callable[..., tuple[int, str, str]]
-
-
-@pytest.fixture
-def vnav(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Vnav:
-    """Runs a command line in this process: exit code, stdout, stderr."""
-
-    def run(*arguments: object) -> tuple[int, str, str]:
-        monkeypatch.setattr(sys, "argv", ["vnav", *map(str, arguments)])
-        code = main()
-        return code, *capsys.readouterr()
-
-    return run
 
 
 @pytest.fixture
