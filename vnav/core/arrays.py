@@ -1,6 +1,7 @@
 """Names of the commonest arrays, and read-only ones for frozen values."""
 
-from typing import Any
+from collections.abc import Sequence
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, DTypeLike, NDArray
@@ -8,6 +9,7 @@ from numpy.typing import ArrayLike, DTypeLike, NDArray
 Array = NDArray[np.float64]
 Floats = NDArray[np.float32]
 Rows = NDArray[np.intp]
+Item = TypeVar("Item")
 
 
 def frozen(values: ArrayLike, dtype: DTypeLike, shape: tuple[int | None, ...]) -> NDArray[Any]:
@@ -22,3 +24,9 @@ def frozen(values: ArrayLike, dtype: DTypeLike, shape: tuple[int | None, ...]) -
         array = array.view()
         array.flags.writeable = False
     return array
+
+
+def evenly(items: Sequence[Item], most: int) -> list[Item]:
+    """At most so many of the items, evenly from first to last."""
+    count = min(most, len(items))
+    return [items[n] for n in np.linspace(0, len(items) - 1, count).astype(int).tolist()]

@@ -10,14 +10,16 @@ from numpy.typing import NDArray
 
 from vnav.config import OptimiseConfig
 from vnav.core import se3
+from vnav.core.arrays import Array
 from vnav.core.frame import Edge
+from vnav.core.graph import ends_of
 from vnav.core.mapping import Odometry
 from vnav.optimisation import pose_graph
 from vnav.optimisation.contradictions import contradictions
 from vnav.optimisation.mending import Mend, Mended, mend
 from vnav.optimisation.pose_graph import PoseGraph
 from vnav.optimisation.second_look import Correction, SecondLook
-from vnav.optimisation.segments import align_segments
+from vnav.optimisation.segments import Inside, align_segments, same_pose
 
 
 @dataclass(frozen=True)
@@ -41,7 +43,7 @@ def robust_pose_graph(
     corrections: list[Correction] = []
     while True:
         mended = mend(odometry, corrections, closures, config, look)
-        robust = _optimised(mended, closures, config)
+        robust = _optimised(mended, closures, config, look)
         new = [] if look is None else _corrections(robust, closures, look, corrections)
         if not new:
             return robust
@@ -62,12 +64,68 @@ def _corrections(
     return [correction for correction in looked_at if correction is not None]
 
 
-def _optimised(mended: Mended, closures: Sequence[Edge], config: OptimiseConfig) -> RobustGraph:
+def _optimised(
+    mended: Mended, closures: Sequence[Edge], config: OptimiseConfig, look: SecondLook | None
+) -> RobustGraph:
+    """The pose graph over segments that closures join and images bear out.
+
+    Closures that would have joined them otherwise are not asked: they may be the most.
+    """
     odometry = mended.odometry
     segments = odometry.T_segment_camera, odometry.segment, odometry.frames.capture
-    initial, _ = align_segments(*segments, closures)
-    graph = pose_graph.optimise(initial, odometry.edges, closures, config.max_closure_sigmas)
-    _, part = align_segments(*segments, list(compress(closures, graph.kept)))
-    inside = np.array([part[e.i] == part[e.j] for e in closures], bool)
-    graph = dataclasses.replace(graph, kept=graph.kept & inside)
+    joins = _Joins(odometry.edges, closures, config.max_closure_sigmas, look)
+    initial, part = align_segments(*segments, closures, joins.are_borne_out)
+    asked = _within(part, closures) & ~joins.refused
+    graph = pose_graph.optimise(
+        initial, odometry.edges, list(compress(closures, asked)), config.max_closure_sigmas
+    )
+    asked[asked] = graph.kept
+    _, part = align_segments(*segments, list(compress(closures, asked)))
+    graph = dataclasses.replace(graph, kept=asked & _within(part, closures))
     return RobustGraph(odometry, mended.mends, graph, part)
+
+
+class _Joins:
+    """Alignments of segments, tested by what their keyframes see; ``refused``: closures (C,)."""
+
+    def __init__(
+        self,
+        edges: Sequence[Edge],
+        closures: Sequence[Edge],
+        max_sigmas: float,
+        look: SecondLook | None,
+    ) -> None:
+        self._edges, self._closures = edges, closures
+        self._max_sigmas, self._look = max_sigmas, look
+        self._ends = ends_of(closures)
+        self.refused = np.zeros(len(closures), bool)
+
+    def are_borne_out(self, poses: Array, a: Inside, b: Inside) -> bool:
+        """Whether two sets of frames (N,) agree on what both see, where poses align them.
+
+        The pose graph takes drift away first, by the closures that agree with the poses.
+        """
+        if self._look is None:
+            return True
+        poses = np.where((a | b)[:, None, None], poses, np.nan)
+        inside = [e for e in self._edges if (a | b)[e.i] and (a | b)[e.j]]
+        across = self._agreeing(poses, a, b)
+        within = (a[self._ends].all(1) | b[self._ends].all(1)) & ~self.refused
+        used = list(compress(self._closures, across | within))
+        graph = pose_graph.optimise(poses, inside, used, self._max_sigmas)
+        right = self._look.is_borne_out(graph.T_world_camera, a, b)
+        self.refused |= across & (not right)
+        return right
+
+    def _agreeing(self, poses: Array, a: Inside, b: Inside) -> Inside:
+        """Which closures (C,) between the two agree with poses."""
+        i, j = self._ends.T
+        T_i_j = np.stack([e.T_i_j for e in self._closures])
+        across = (a[i] & b[j]) | (b[i] & a[j])
+        return np.asarray(across & same_pose(se3.inverse(poses[i] @ T_i_j) @ poses[j]))
+
+
+def _within(part: NDArray[np.int32], closures: Sequence[Edge]) -> NDArray[np.bool_]:
+    """Which closures (C,) lead from a part to the same."""
+    i, j = ends_of(closures).T
+    return np.asarray(part[i] == part[j])

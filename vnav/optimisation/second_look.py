@@ -5,15 +5,17 @@ from dataclasses import dataclass
 from functools import cache
 
 import numpy as np
+from numpy.typing import NDArray
 
 from vnav.config import Config
 from vnav.core import se3
-from vnav.core.arrays import Array
+from vnav.core.arrays import Array, evenly
 from vnav.core.camera import Intrinsics
 from vnav.core.frame import Edge, Frame, PoseEstimate, Rejected
 from vnav.core.graph import best_into
-from vnav.core.mapping import Odometry
+from vnav.core.mapping import LOST, Odometry
 from vnav.core.reduced_frame import ReducedFrame, reduced
+from vnav.core.view_overlap import view_overlap
 from vnav.features.matching import DescriptorMatcher
 from vnav.optimisation.camera_motion import velocities
 from vnav.optimisation.contradictions import Contradiction
@@ -22,8 +24,12 @@ from vnav.optimisation.segments import same_pose
 from vnav.registration.dense import align
 from vnav.registration.judge import CLEAR, judge
 from vnav.registration.points3d import PointRegistration
+from vnav.registration.surface_agreement import MIN_SHARED, Agreement, agreement, seeing_through
 
+MOST_PAIRS = 60  # of keyframes that are compared, where two parts are to be joined
+MOST_THROUGH = 0.3  # of them that may see through each other; of rendered rooms up to 0.12 did
 SURE = 0.99  # the most that odometry's own edges count for: as much as what is just clear
+Inside = NDArray[np.bool_]
 Views = Callable[[int], Frame]  # the images of a keyframe, by its row
 
 
@@ -65,6 +71,34 @@ class SecondLook:
         if in_favour > CLEAR:
             return None
         return Correction(stretch, edge if in_favour < -CLEAR else None)
+
+    def is_borne_out(self, poses: Array, a: Inside, b: Inside) -> bool:
+        """Whether two sets of frames (N,) may share a place as poses (N, 4, 4) have them.
+
+        Most pairs of keyframes across must not see through what the other sees. Where a chair was
+        moved between two recordings some do, and where a place is taken for another half of them.
+        """
+        odometry = self._odometry
+        rows, segment = odometry.keyframe_rows, odometry.segment[odometry.keyframe_rows]
+        part = np.where(a | b, 0, LOST).astype(np.int32)
+        overlap = view_overlap(odometry, poses, part, self._cameras)
+        across = (a[rows][:, None] & b[rows]) | (b[rows][:, None] & a[rows])
+        next_to = np.eye(len(rows), k=1, dtype=bool) & (segment[:, None] == segment)
+        pairs, neighbours = (
+            self._agreements(poses, np.triu(wanted & (overlap >= MIN_SHARED)))
+            for wanted in (across, next_to)
+        )
+        return len(seeing_through(pairs, neighbours)) <= MOST_THROUGH * len(pairs)
+
+    def _agreements(self, poses: Array, wanted: NDArray[np.bool_]) -> list[Agreement]:
+        """How `MOST_PAIRS` of the wanted pairs (K, K) of keyframes agree by their poses."""
+        pairs = self._odometry.keyframe_rows[np.argwhere(wanted)]
+        found = []
+        for i, j in evenly(pairs.tolist(), MOST_PAIRS):
+            frames = self._moving(i), self._moving(j)
+            T_i_j = se3.inverse(poses[i]) @ poses[j]
+            found.append(agreement((i, j), frames, T_i_j, self._config.registration))
+        return [each for each in found if each is not None]
 
     def _log_odds_before(self, stretch: Contradiction) -> float:
         """Of odometry's motion across a stretch, by the least probable of its frames' edges."""

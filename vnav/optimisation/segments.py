@@ -1,6 +1,6 @@
 """Segments of odometry aligned by the loop closures between them, as far as these agree."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +12,13 @@ from vnav.core.frame import Edge
 SAME_POSE_M, SAME_POSE_RAD = 0.3, 0.2  # two closures that place a segment alike
 MIN_AGREEING = 3  # closures between captures: nothing there contradicts one that is wrong
 Candidate = tuple[Array, Array, int]  # T_a_b, T_b_camera where it was measured, votes
+Inside = NDArray[np.bool_]  # which frames (N,)
+BornOut = Callable[[Array, Inside, Inside], bool]
+
+
+def untested(poses: Array, a: Inside, b: Inside) -> bool:
+    """Takes every alignment for right, as where the images of keyframes are not at hand."""
+    return True
 
 
 def align_segments(
@@ -19,21 +26,22 @@ def align_segments(
     segment: NDArray[np.int32],
     capture: NDArray[np.int32],
     closures: Sequence[Edge],
+    is_borne_out: BornOut = untested,
 ) -> tuple[Array, NDArray[np.int32]]:
     """Poses (N, 4, 4) with segments aligned by closures, and the connected parts (N,) that remain.
 
     Two segments are aligned by the closure that most others between them agree with. One alone
     will do within a capture; between frames of different captures `MIN_AGREEING` must say the
-    same. Frames of one part share a frame of reference: that of the part's first segment.
+    same. Nothing else contradicts closures that take two places for one, so what both parts see
+    decides: ``is_borne_out`` says of poses whether it fits together for two sets of frames (N,).
+    Frames of one part share a frame of reference: that of the part's first segment.
     """
     poses, part = T_segment_camera.copy(), segment.copy()
     while True:
         for (a, b), candidates in _between_parts(poses, part, capture, closures):
-            T_a_b, votes = _consensus(candidates)
-            if votes >= MIN_AGREEING:
-                rows = part == b
-                poses[rows] = T_a_b @ poses[rows]
-                part[rows] = a
+            aligned = _aligned(poses, part == a, part == b, candidates, is_borne_out)
+            if aligned is not None:
+                poses, part = aligned, np.where(part == b, np.int32(a), part)
                 break
         else:
             return poses, part
@@ -60,10 +68,33 @@ def _between_parts(
     return sorted(found.items(), key=lambda item: (len(item[1]), item[0]), reverse=True)
 
 
-def _consensus(candidates: Sequence[Candidate]) -> tuple[Array, int]:
-    """The ``T_a_b`` with most votes of those near to it where it was measured, and its votes."""
+def _aligned(
+    poses: Array,
+    a: Inside,
+    b: Inside,
+    candidates: Sequence[Candidate],
+    is_borne_out: BornOut,
+) -> Array | None:
+    """Poses where b's frames (N,) are aligned with a's as most votes say that is borne out."""
+    for T_a_b in _agreed(candidates):
+        aligned = np.where(b[:, None, None], T_a_b @ poses, poses)
+        if is_borne_out(aligned, a, b):
+            return aligned
+    return None
+
+
+def _agreed(candidates: Sequence[Candidate]) -> Iterator[Array]:
+    """Each ``T_a_b`` with votes enough, by those near to it where they were measured; most first.
+
+    Those that agree with one are not asked again.
+    """
     T_a_b, T_b_camera, votes = (np.stack(column) for column in zip(*candidates, strict=True))
     apart = se3.inverse(T_a_b @ T_b_camera)[:, None] @ (T_a_b @ T_b_camera[:, None])
-    count = same_pose(apart) @ votes
-    best: Array = T_a_b[count.argmax()]
-    return best, int(count.max())
+    near, left = same_pose(apart), np.ones(len(votes), bool)
+    while True:
+        count = np.where(left, near @ (votes * left), 0)
+        best = int(count.argmax())
+        if count[best] < MIN_AGREEING:
+            return
+        yield T_a_b[best]
+        left &= ~near[best]

@@ -7,20 +7,20 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
 from itertools import compress
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from vnav.checking.motions import Seen, contradicting_loops, unborne_steps
-from vnav.checking.revisits import Agreement, agreement, disagreeing
 from vnav.config import Config
 from vnav.core import se3
-from vnav.core.arrays import Array
+from vnav.core.arrays import Array, evenly
 from vnav.core.frame import Edge
 from vnav.core.graph import best_into, ends_of
 from vnav.core.mapping import CONTRADICTS, LOST, Odometry
 from vnav.core.reduced_frame import ReducedFrame, reduced
+from vnav.core.view_overlap import view_overlap
 from vnav.io.store.artifacts import (
     load_keyframe,
     load_loop_edges,
@@ -30,8 +30,9 @@ from vnav.io.store.artifacts import (
     map_cameras,
 )
 from vnav.io.store.map_folder import MapFolder
-from vnav.loop_closing.loop_candidates import are_apart, view_overlap
+from vnav.loop_closing.loop_candidates import are_apart
 from vnav.optimisation.camera_motion import velocities
+from vnav.registration.surface_agreement import Agreement, agreement, disagreeing
 from vnav.tracking.pose_choice import UNSURE
 
 MOST_PAIRS = 150  # of keyframes, and of rejected loops, that are looked at
@@ -40,8 +41,6 @@ NEIGHBOURS = 1, 2  # keyframes onward that tell what is usual
 DISAGREEING, LEAST_DISAGREEING = 0.2, 2  # share of revisits, and number, that speak against a map
 LEAST_CONTRADICTING = 5  # rejected loops that do; chance makes 1.5 of 150
 LEAST_UNSURE = 2  # frames in doubt that do
-
-Item = TypeVar("Item")
 
 
 @dataclass(frozen=True)
@@ -72,7 +71,7 @@ def assess(folder: MapFolder, config: Config) -> Quality:
     revisits, neighbours = _compared(folder, odometry, poses, seen, config)
     apart = disagreeing(revisits, neighbours)
     loops, rejected = _loops(folder)
-    against = contradicting_loops(_spread(rejected), poses, seen, registration)
+    against = contradicting_loops(evenly(rejected, MOST_PAIRS), poses, seen, registration)
     unborne = unborne_steps(rows, odometry.segment, poses, seen, registration)
     unsure = unsure_rows(odometry)
     doubts = []
@@ -121,7 +120,7 @@ def _compared(
 
     def compare(wanted: NDArray[np.bool_]) -> list[Agreement]:
         found = []
-        for i, j in _spread(rows[np.argwhere(wanted)].tolist()):
+        for i, j in evenly(rows[np.argwhere(wanted)].tolist(), MOST_PAIRS):
             T_i_j = se3.inverse(poses[i]) @ poses[j]
             found.append(agreement((i, j), (seen(i), seen(j)), T_i_j, config.registration))
         return [a for a in found if a is not None]
@@ -132,12 +131,6 @@ def _compared(
     for step in NEIGHBOURS:
         on |= np.eye(len(rows), k=step, dtype=bool) & (overlap >= MIN_OVERLAP) & ~apart
     return compare(again), compare(on)
-
-
-def _spread(items: Sequence[Item]) -> list[Item]:
-    """`MOST_PAIRS` of them, evenly from first to last."""
-    count = min(MOST_PAIRS, len(items))
-    return [items[n] for n in np.linspace(0, len(items) - 1, count).astype(int).tolist()]
 
 
 def _disagreement(apart: Sequence[Agreement], of: Sequence[Agreement], odometry: Odometry) -> str:

@@ -14,6 +14,7 @@ from vnav.core.mapping import LoopVerdict, Odometry, counted
 from vnav.core.progress import Progress, silent
 from vnav.core.report import Report
 from vnav.core.tree import VocabularyTree
+from vnav.core.view_overlap import view_overlap
 from vnav.io.store.artifacts import (
     load_keyframe,
     load_odometry,
@@ -23,7 +24,7 @@ from vnav.io.store.artifacts import (
 from vnav.io.store.map_folder import MapFolder
 from vnav.io.store.stage_reports import clock, finished, reused, settings_of
 from vnav.io.store.tree_file import load_tree
-from vnav.loop_closing.loop_candidates import by_appearance, by_proximity, view_overlap
+from vnav.loop_closing.loop_candidates import by_appearance, by_proximity
 from vnav.loop_closing.loop_verification import Closures, LoopVerifier
 from vnav.optimisation.robust_graph import robust_pose_graph
 from vnav.optimisation.second_look import SecondLook

@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from vnav.checking.revisits import MEDIAN_SIGMAS, Agreement, agreement, disagreeing
 from vnav.config import RegistrationConfig
 from vnav.core import se3
 from vnav.core.camera import Intrinsics
 from vnav.core.reduced_frame import ReducedFrame
+from vnav.registration.surface_agreement import MEDIAN_SIGMAS, Agreement, agreement, disagreeing
 
 CONFIG = RegistrationConfig()
 CAMERA = Intrinsics(80, 60, 65.0, 65.0, 39.5, 29.5)

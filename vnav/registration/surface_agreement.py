@@ -61,14 +61,26 @@ def disagreeing(revisits: Sequence[Agreement], neighbours: Sequence[Agreement]) 
     """Those revisits that agree less than neighbours usually do; none without neighbours."""
     if not neighbours:
         return []
-    off = float(np.quantile([n.off_sigmas for n in neighbours], USUAL))
-    through = float(np.quantile([n.seen_through for n in neighbours], USUAL))
-    return [
-        r
-        for r in revisits
-        if r.off_sigmas > UNUSUAL_TIMES * max(off, MEDIAN_SIGMAS)
-        or r.seen_through > through + UNUSUAL_SHARE
-    ]
+    off = UNUSUAL_TIMES * max(_usual([n.off_sigmas for n in neighbours]), MEDIAN_SIGMAS)
+    through = seeing_through(revisits, neighbours)
+    return [r for r in revisits if r.off_sigmas > off or r in through]
+
+
+def seeing_through(
+    revisits: Sequence[Agreement], neighbours: Sequence[Agreement]
+) -> list[Agreement]:
+    """Those that see through what the other sees, unlike neighbours; none without neighbours.
+
+    Drift alone puts surfaces beside each other, but makes them no more transparent.
+    """
+    if not neighbours:
+        return []
+    most = _usual([n.seen_through for n in neighbours]) + UNUSUAL_SHARE
+    return [r for r in revisits if r.seen_through > most]
+
+
+def _usual(values: Sequence[float]) -> float:
+    return float(np.quantile(values, USUAL))
 
 
 def _nearer(a: ReducedFrame, b: ReducedFrame, T_b_a: Array, config: RegistrationConfig) -> Array:

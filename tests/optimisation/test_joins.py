@@ -1,0 +1,82 @@
+"""The walk of the tiny capture as two segments, joined by closures of which most may be wrong.
+
+Its odometry is right to millimetres. What is wrong are closures that agree with each other on one
+place, as those of two rooms that look alike do.
+"""
+
+import dataclasses
+from functools import partial
+
+import numpy as np
+import pytest
+
+from vnav.config import Config
+from vnav.core import se3
+from vnav.core.camera import Intrinsics
+from vnav.core.frame import Edge
+from vnav.core.graph import chain
+from vnav.core.mapping import Odometry
+from vnav.io.store.artifacts import load_keyframe
+from vnav.io.store.map_folder import MapFolder
+from vnav.optimisation.robust_graph import RobustGraph, robust_pose_graph
+from vnav.optimisation.second_look import SecondLook
+
+RIGHT, WRONG = 3, 6  # closures
+ELSEWHERE = se3.make(se3.exp_so3([0, 0.3, 0]), [1.0, 0, 0.4])  # y is down in the first camera
+
+
+@pytest.fixture(scope="module")
+def halves(odometry: Odometry) -> Odometry:
+    """The first and the second half of the frames, without an edge between them."""
+    middle = int(odometry.keyframe_rows[len(odometry.keyframes) // 2])
+    edges = tuple(e for e in odometry.edges if (e.i < middle) == (e.j < middle))
+    poses, segment = chain(len(odometry.frames), edges, odometry.keyframe_rows.tolist())
+    assert set(segment.tolist()) == {0, 1}
+    return dataclasses.replace(odometry, edges=edges, T_segment_camera=poses, segment=segment)
+
+
+@pytest.fixture(scope="module")
+def look(halves: Odometry, folder: MapFolder, camera: Intrinsics) -> SecondLook:
+    views = partial(load_keyframe, folder, frames=halves.frames)
+    return SecondLook(halves, [camera], views, Config())
+
+
+def closures(odometry: Odometry, halves: Odometry, elsewhere: bool) -> list[Edge]:
+    """Between keyframes of either half, all of which agree on where the second half is."""
+    rows = odometry.keyframe_rows
+    first, second = (rows[halves.segment[rows] == k].tolist() for k in (0, 1))
+    T, moved = odometry.T_segment_camera, ELSEWHERE if elsewhere else np.eye(4)
+    pairs = zip(first, reversed(second), strict=False)
+    edges = [
+        Edge(i, j, se3.inverse(T[i]) @ moved @ T[j], np.diag([1e5] * 3 + [1e4] * 3))
+        for i, j in pairs
+    ]
+    return edges[: WRONG if elsewhere else RIGHT]
+
+
+def joined(halves: Odometry, edges: list[Edge], look: SecondLook | None) -> RobustGraph:
+    return robust_pose_graph(halves, edges, Config().optimise, look)
+
+
+def test_halves_are_joined_as_few_closures_say_that_images_bear_out(
+    odometry: Odometry, halves: Odometry, look: SecondLook
+) -> None:
+    right, wrong = (closures(odometry, halves, elsewhere) for elsewhere in (False, True))
+    assert (len(right), len(wrong)) == (RIGHT, WRONG)
+    found = joined(halves, [*wrong, *right], look)
+    assert not found.part.any()
+    assert found.graph.kept.tolist() == [False] * WRONG + [True] * RIGHT
+
+
+def test_halves_stay_apart_where_images_bear_no_closure_out(
+    odometry: Odometry, halves: Odometry, look: SecondLook
+) -> None:
+    found = joined(halves, closures(odometry, halves, elsewhere=True), look)
+    np.testing.assert_array_equal(found.part, halves.segment)
+    assert not found.graph.kept.any()
+
+
+def test_without_images_most_closures_decide(odometry: Odometry, halves: Odometry) -> None:
+    right, wrong = (closures(odometry, halves, elsewhere) for elsewhere in (False, True))
+    found = joined(halves, [*wrong, *right], None)
+    assert found.graph.kept.tolist() == [True] * WRONG + [False] * RIGHT
