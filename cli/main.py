@@ -34,6 +34,7 @@ COMMANDS = {  # section of the help: command: its module
     "Check captures, results and settings": {
         "check": "check",
         "import": "import_recording",
+        "calibrate": "calibrate",
         "score": "score",
         "evaluate": "evaluate",
         "datasets": "datasets",

@@ -243,6 +243,16 @@ def extended_map(
     return folder.root
 
 
+@pytest.fixture(scope="session")
+def board_photos(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Twelve photos of vnav's usual board by the camera of `tests.calibration.board_photos`."""
+    from tests.calibration.board_photos import poses, write_photos
+    from vnav.calibration.board import Board
+
+    folder = tmp_path_factory.mktemp("boards") / "board_photos"
+    return write_photos(folder, Board(), poses(Board(), 12))
+
+
 @dataclass
 class FileServer:
     """A web server for one test: what it has, how it behaves, what it was asked."""

@@ -22,7 +22,7 @@ LEVELS = (
     {"evaluation"},
     {"pipeline"},
     {"stages"},
-    {"tracking", "loop_closing", "optimisation", "checking"},
+    {"tracking", "loop_closing", "optimisation", "checking", "calibration"},
     {
         *("io", "features", "masking", "registration"),
         *("volumes", "vocabulary", "localisation", "planning"),
@@ -48,7 +48,7 @@ OWNERS = {
     "cv2": {
         *("vnav.io", "vnav.features", "vnav.masking", "vnav.registration", "vnav.localisation"),
         *("vnav.synthetic", "vnav.stages", "vnav.tracking", "vnav.checking", "vnav.reporting"),
-        *("vnav.vocabulary", "vnav.threads"),
+        *("vnav.vocabulary", "vnav.threads", "vnav.calibration"),
     },
     "matplotlib": {"vnav.reporting"},
     "msgspec": {"vnav.io.store"},

@@ -1,8 +1,8 @@
 """Every command line that README and docs show is run.
 
 A ``console`` block's lines that begin with "$ " are run in order, a document in one folder, where
-my_capture, my_other_capture, my_recording.bag, photo.jpg, goal.jpg and my_suite.toml lie; each must
-exit with 0.
+my_capture, my_other_capture, my_recording.bag, board_photos, photo.jpg, goal.jpg and my_suite.toml
+lie; each must exit with 0.
 ``sh`` blocks need a network, or minutes, and are not run.
 """
 
@@ -37,10 +37,11 @@ def commands(document: Path) -> list[str]:
     "document", [d for d in DOCUMENTS if commands(d)], ids=lambda document: document.name
 )
 def test_the_commands_of_a_document_run(
-    document: Path, tiny_capture: Path, other_capture: Path, tmp_path: Path
+    document: Path, tiny_capture: Path, other_capture: Path, board_photos: Path, tmp_path: Path
 ) -> None:
     (tmp_path / "my_capture").symlink_to(tiny_capture)
     (tmp_path / "my_other_capture").symlink_to(other_capture)
+    shutil.copytree(board_photos, tmp_path / "board_photos")
     write_ros1(tmp_path / "my_recording", recorded(tiny_capture, 12))
     photos = sorted((tiny_capture / "photos").glob("*.jpg"))
     for name, photo in zip(("photo.jpg", "goal.jpg"), photos, strict=False):

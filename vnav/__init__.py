@@ -20,9 +20,12 @@ from vnav.errors import (
 
 if TYPE_CHECKING:
     from vnav.api.building import build_map, extend_map, open_capture
+    from vnav.api.calibrating import calibrate
     from vnav.api.importing import import_capture
     from vnav.api.judging import check, compare_trackers, evaluate, score
     from vnav.api.map import Map, open_map
+    from vnav.calibration.board import Board
+    from vnav.calibration.images import Calibration
     from vnav.config import Config
     from vnav.config import load as load_config
     from vnav.core.camera import Camera, Intrinsics
@@ -36,6 +39,8 @@ if TYPE_CHECKING:
 
 __version__ = "0.1.0"
 __all__ = [
+    "Board",
+    "Calibration",
     "Camera",
     "CameraError",
     "Capture",
@@ -57,6 +62,7 @@ __all__ = [
     "VnavError",
     "arriving_photos",
     "build_map",
+    "calibrate",
     "check",
     "compare_trackers",
     "evaluate",
@@ -70,6 +76,8 @@ __all__ = [
 ]
 
 _PLACES = {
+    "Board": "vnav.calibration.board:Board",
+    "Calibration": "vnav.calibration.images:Calibration",
     "Camera": "vnav.core.camera:Camera",
     "Capture": "vnav.io.sources.capture:Capture",
     "Config": "vnav.config:Config",
@@ -82,6 +90,7 @@ _PLACES = {
     "UnreadablePhoto": "vnav.localisation.verdict.answer:UnreadablePhoto",
     "arriving_photos": "vnav.io.photos.arriving:arriving_photos",
     "build_map": "vnav.api.building:build_map",
+    "calibrate": "vnav.api.calibrating:calibrate",
     "check": "vnav.api.judging:check",
     "compare_trackers": "vnav.api.judging:compare_trackers",
     "evaluate": "vnav.api.judging:evaluate",

@@ -1,6 +1,8 @@
-"""What pictures of a map from above share: axes in metres, the grid, a legend."""
+"""What pictures share: axes in metres, the grid, a legend, a file that is written whole."""
 
 from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 from matplotlib.artist import Artist
@@ -10,6 +12,8 @@ from matplotlib.figure import Figure
 
 from vnav.core.arrays import Array
 from vnav.core.grid import FREE, OCCUPIED, UNKNOWN, WALKED, Grid
+from vnav.errors import VnavError
+from vnav.io.files import whole_file
 
 COLORS = {FREE: "#ffffff", OCCUPIED: "#263238", UNKNOWN: "#d6dade", WALKED: "#b2dfdb"}
 Extent = tuple[float, float, float, float]  # left, right, bottom, top in metres
@@ -50,3 +54,14 @@ def extent_of(grid: Grid) -> Extent:
 def legend(figure: Figure, entries: Sequence[Artist]) -> None:
     """A legend below the axes."""
     figure.legend(handles=entries, loc="outside lower center", ncols=3, frameon=False)
+
+
+def save(figure: Figure, path: Path, option: str, **how: Any) -> None:
+    """Write a figure, ``how`` as matplotlib has it; VnavError, which names the option, if not."""
+    try:
+        with whole_file(path) as file:
+            figure.savefig(file, **how)
+    except OSError as error:
+        raise VnavError(
+            f"expected to write {path}, found: {error.strerror}; name another file with {option}"
+        ) from error

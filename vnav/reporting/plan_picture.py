@@ -15,10 +15,8 @@ from matplotlib.patches import Patch, Polygon
 from vnav.core.arrays import Array
 from vnav.core.frame import Rejected
 from vnav.core.grid import OCCUPIED, UNKNOWN, WALKED
-from vnav.errors import VnavError
-from vnav.io.files import whole_file
 from vnav.planning.costmap import costmap
-from vnav.reporting.figures import COLORS, extent_of, grid_image, legend, map_figure
+from vnav.reporting.figures import COLORS, extent_of, grid_image, legend, map_figure, save
 from vnav.stages.plan import FloorPose, PlanAnswer
 
 INFLATED, PATH = (1.0, 0.88, 0.80), "#1565c0"
@@ -29,13 +27,7 @@ ARROW_M = 0.5
 
 def write_picture(path: Path, answer: PlanAnswer) -> None:
     """Write a PNG of the path on the grid, or of start and goal where there is no path."""
-    try:
-        with whole_file(path) as file:
-            plan_figure(answer).savefig(file, format="png", bbox_inches="tight")
-    except OSError as error:
-        raise VnavError(
-            f"expected to write {path}, found: {error.strerror}; name another file with --png"
-        ) from error
+    save(plan_figure(answer), path, "--png", format="png", bbox_inches="tight")
 
 
 def plan_figure(answer: PlanAnswer) -> Figure:

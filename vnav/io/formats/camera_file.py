@@ -51,16 +51,26 @@ def read_color(path: Path) -> Intrinsics:
     return _color(_read(path), str(path))
 
 
-def camera_text(camera: Camera, remarks: Mapping[str, str] = NO_REMARKS) -> str:
-    """The camera.toml of a camera; ``remarks``: comments by key, in both tables alike."""
+def camera_text(camera: Camera | Intrinsics, remarks: Mapping[str, str] = NO_REMARKS) -> str:
+    """The camera.toml of a camera, of intrinsics without [depth].
+
+    ``remarks``: comments by key, in both tables alike.
+    """
+    if isinstance(camera, Intrinsics):
+        tables = {"color": _written(camera)}
+    else:
+        tables = {"color": _written(camera.color), "depth": _depth_table(camera)}
+    return "\n\n".join(
+        "\n".join([f"[{name}]", *_lines(table, remarks)]) for name, table in tables.items()
+    )
+
+
+def _depth_table(camera: Camera) -> dict[str, Any]:
     depth: dict[str, Any] = {"units_per_metre": camera.units_per_metre}
     if camera.depth is not None and camera.T_color_depth is not None:
         rows = [list(row) for row in camera.T_color_depth]
         depth |= _written(camera.depth) | {"T_color_depth": rows}
-    tables = {"color": _written(camera.color), "depth": depth}
-    return "\n\n".join(
-        "\n".join([f"[{name}]", *_lines(table, remarks)]) for name, table in tables.items()
-    )
+    return depth
 
 
 def _written(intrinsics: Intrinsics) -> dict[str, Any]:

@@ -1,0 +1,1 @@
+"""A colour camera from images of a board: corners, the camera that explains them, what it lacks."""
