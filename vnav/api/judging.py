@@ -36,15 +36,24 @@ def check(
     *,
     config: ConfigSource = None,
     camera: AnyPath | None = None,
+    picture: AnyPath | None = None,
     progress: Progress = silent,
 ) -> "CaptureReport":
     """Look at a capture before a map is made of it: every file, times, some of the frames.
 
-    ``problems`` of what it gives say what would stop a map. Arguments as for `build_map`.
+    ``problems`` of what it gives say what would stop a map. ``picture``: a PNG to draw some frames
+    into, with the edges of depth over colour, unless the capture is unfit for other reasons than
+    its units. Other arguments as for `build_map`.
     """
     from vnav.checking.capture_report import inspect
 
-    return inspect(capture_of(capture, config_of(config), camera), progress=progress)
+    source = capture_of(capture, config_of(config), camera)
+    report = inspect(source, progress=progress)
+    if picture is not None and not report.fatal:
+        from vnav.reporting.depth_picture import draw
+
+        draw(source, Path(picture))
+    return report
 
 
 def score(

@@ -10,6 +10,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from vnav.checking.depth_shift import DepthShift, EdgeProfiles, depth_shift, edge_profiles
 from vnav.core.arrays import Array
 from vnav.core.frame import Frame
 from vnav.core.progress import Progress
@@ -61,7 +62,7 @@ class FrameFindings:
     """Depth and colour of the sampled frames.
 
     ``depth_m``: medians over the frames of their 5th, 50th and 95th percentile of depth, None
-    where there was no depth at all.
+    where there was no depth at all. ``depth_shift``: None where edges do not tell.
     """
 
     sampled: int
@@ -70,6 +71,7 @@ class FrameFindings:
     depth_m: tuple[float, float, float] | None
     blurred_share: float
     dark_share: float
+    depth_shift: DepthShift | None
 
 
 def look_at_files(capture: FileBacked, progress: Progress) -> FileFindings:
@@ -112,14 +114,16 @@ def look_at_frames(capture: Capture, progress: Progress) -> FrameFindings:
     count = min(SAMPLES, len(capture))
     rows = np.linspace(0, len(capture) - 1, count).round().astype(int)
 
-    def measure(row: int) -> NDArray[np.float64] | CaptureError:
+    def measure(row: int) -> tuple[NDArray[np.float64], EdgeProfiles] | CaptureError:
         try:
-            return _measures(capture.read(row))
+            frame = capture.read(row)
+            return _measures(frame), edge_profiles(frame)
         except CaptureError as error:
             return error
 
     found = list(_in_threads(measure, rows.tolist(), "measuring frames", progress))
-    measures = np.array([row for row in found if not isinstance(row, CaptureError)]).reshape(-1, 6)
+    read = [each for each in found if not isinstance(each, CaptureError)]
+    measures = np.array([values for values, _ in read]).reshape(-1, 6)
     seen = measures[measures[:, 0] > 0, 1:4]
     near, middle, far = np.median(seen, 0) if len(seen) else (0.0, 0.0, 0.0)
     share, blurred, dark = (float(x) for x in _shares(measures))
@@ -130,6 +134,7 @@ def look_at_frames(capture: Capture, progress: Progress) -> FrameFindings:
         (float(near), float(middle), float(far)) if len(seen) else None,
         blurred,
         dark,
+        depth_shift([profiles for _, profiles in read]),
     )
 
 

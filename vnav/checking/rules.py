@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from vnav.checking.depth_shift import DepthShift
 from vnav.checking.quality import FileFindings, FrameFindings, Size
 from vnav.core.arrays import Array
 from vnav.core.camera import Camera
@@ -13,6 +14,8 @@ NEAREST_M, MEDIAN_M, FARTHEST_M = 0.2, (0.4, 6.0), 10.0
 USUAL_UNITS = (1000, 5000, 10000, 4000, 100)  # per metre, the most common first
 
 MANY_DROPPED, LITTLE_DEPTH, MANY_POOR = 0.1, 0.1, 0.3  # shares that are worth a warning
+FAR_OFF = 1 / 100  # of the image's width, that depth may lie beside colour: 6 px at 640
+CLEAR = 3  # standard deviations
 LONG_GAP_S, LONG_GAP_STEPS = 0.5, 10  # a gap longer than both is worth one too
 
 
@@ -123,7 +126,28 @@ def _of_look(look: FrameFindings) -> list[str]:
         found.append(f"{look.blurred_share:.0%} of the frames are blurred; move more slowly")
     if look.dark_share > MANY_POOR:
         found.append(f"{look.dark_share:.0%} of the frames are dark; give more light")
-    return found
+    return [*found, *_of_registration(look.depth_shift)]
+
+
+def _of_registration(shift: DepthShift | None) -> list[str]:
+    if shift is None:
+        return []
+    off_px, sigma_px = np.hypot(*shift.px), np.hypot(*shift.sigma_px)
+    if off_px < max(FAR_OFF * shift.width, CLEAR * sigma_px):
+        return []
+    return [
+        f"edges of depth lie {shift_text(shift)} from those of colour; is depth registered as the"
+        " camera says, are both of one moment? 'vnav check CAPTURE --png edges.png' shows them"
+    ]
+
+
+def shift_text(shift: DepthShift) -> str:
+    """How far and where to, for people."""
+    (x, y), (sigma_x, sigma_y) = shift.px, shift.sigma_px
+    across, down = "right" if x > 0 else "left", "below" if y > 0 else "above"
+    return (
+        f"{abs(x):.1f} px {across} (+- {sigma_x:.1f}) and {abs(y):.1f} px {down} (+- {sigma_y:.1f})"
+    )
 
 
 def sizes_text(sizes: dict[Size, int]) -> str:
