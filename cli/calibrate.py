@@ -1,6 +1,7 @@
 """Calibrate a colour camera from images of a board."""
 
 import json
+from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -12,7 +13,8 @@ from vnav.cli.say import say
 if TYPE_CHECKING:
     from vnav.calibration.images import Calibration
 
-WORST = 3  # images that are named
+WORST = 3  # images that are named, of those used
+MOST_NAMED = 5  # of those left out for one reason
 
 
 def _sides(_context: click.Context, _option: click.Parameter, squares: str) -> tuple[int, int]:
@@ -135,13 +137,21 @@ def _show(found: "Calibration", file: Path, as_json: bool) -> None:
     if as_json:
         click.echo(json.dumps(found.as_dict() | {"camera_file": str(file)}, indent=1))
         return
-    for name, why in found.left_out.items():
-        say(f"left out {name}: {why}")
-    for line in _lines(found):
+    for line in (*_left_out(found), *_lines(found)):
         say(line)
     for warning in found.warnings:
         warn(warning)
     say(f"camera   {file}")
+
+
+def _left_out(found: "Calibration") -> Iterator[str]:
+    """A line for each reason, with the first images that it holds for."""
+    names: dict[str, list[str]] = {}
+    for name, why in found.left_out.items():
+        names.setdefault(why, []).append(name)
+    for why, those in names.items():
+        more = ", ..." * (len(those) > MOST_NAMED)
+        yield f"left out {len(those)}: {why} ({', '.join(those[:MOST_NAMED])}{more})"
 
 
 def _lines(found: "Calibration") -> list[str]:

@@ -153,10 +153,10 @@ def _require_determined(camera: FittedCamera) -> None:
 def _require_enough(folder: Path, found: int, images: int, left_out: dict[str, str]) -> None:
     if found >= FEWEST_IMAGES:
         return
-    reasons = [f"{name}: {why}" for name, why in left_out.items()]
-    more = f" and {len(reasons) - MOST_TOLD} more" if len(reasons) > MOST_TOLD else ""
+    reasons = Counter(left_out.values()).most_common(MOST_TOLD)
+    told = "; ".join(f"{count} times {reason}" for reason, count in reasons)
     raise CameraError(
         f"expected the board in at least {FEWEST_IMAGES} images of {folder}, better 20, found it in"
-        f" {found} of {images} ({'; '.join(reasons[:MOST_TOLD])}{more}); is the board as --kind,"
-        " --squares and --dictionary say? Squares are counted, not corners"
+        f" {found} of {images} ({told}); is the board as --kind, --squares and --dictionary say?"
+        " Squares are counted, not corners"
     )
