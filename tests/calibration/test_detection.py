@@ -24,8 +24,9 @@ def test_corners_are_found_where_the_camera_sees_them(board: Board) -> None:
         off_px = view.px - project(board, CAMERA, T)[::-1][view.corner]
     assert len(view.corner) == len(board.points)
     # Noise of 2 grey levels on edges of about 200 moves a corner by some hundredths of a pixel;
-    # what is left beside markers, OpenCV's own refinement, is a tenth.
-    assert np.sqrt((off_px**2).sum(1).mean()) < 0.15
+    # beside markers OpenCV leaves a tenth or two.
+    assert np.sqrt((off_px**2).sum(1).mean()) < (0.25 if board.kind == "charuco" else 0.1)
+    assert np.abs(off_px.mean(0)).max() < 0.05
     assert 1 < view.edge_px < 2
 
 

@@ -1,6 +1,7 @@
 """Where an image shows the corners of a board, to a fraction of a pixel, and how sharp they are."""
 
 from dataclasses import dataclass
+from functools import lru_cache
 from pathlib import Path
 
 import cv2
@@ -15,6 +16,7 @@ FEWEST_CORNERS = 6
 BLURRED = 0.008  # of the image's width: an edge as wide is blurred, 5 px at 640
 ENOUGH_PX = 1280  # of the image's longer side, to find a chessboard
 WINDOW = 0.25  # of a square, to either side of a corner, where it is refined
+PAD_PX = 50  # white around a board that is drawn
 REACH = 0.1  # of a square: as far to either side of its edge there is nothing else
 SAMPLES = 33  # of the grey levels across an edge
 
@@ -79,7 +81,20 @@ def _charuco(gray: NDArray[np.uint8], board: Board) -> tuple[NDArray[np.intp], A
         known.setLegacyPattern(legacy)
         px, corner, _, _ = cv2.aruco.CharucoDetector(known).detectBoard(gray)
         ways.append(_corners(corner, px))
-    return max(ways, key=lambda way: len(way[0]))
+    corner, px = max(ways, key=lambda way: len(way[0]))
+    return corner, px - _centre_of_a_pixel()
+
+
+@lru_cache
+def _centre_of_a_pixel() -> float:
+    """Coordinate of the first pixel's centre where OpenCV finds markers: 0, and 0.5 in 4.11."""
+    board = Board(columns=3, rows=3)
+    image = np.pad(board.image(), PAD_PX, constant_values=255)
+    px, corner, _, _ = cv2.aruco.CharucoDetector(board.charuco()).detectBoard(image)
+    corner, px = _corners(corner, px)
+    square_px = (len(image) - 2 * PAD_PX) / board.rows
+    drawn = PAD_PX - 0.5 + board.points[corner, :2] / board.square_m * square_px
+    return round(2 * float((px - drawn).mean())) / 2
 
 
 def _corners(corner: object, px: object) -> tuple[NDArray[np.intp], Array]:

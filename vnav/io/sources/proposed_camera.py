@@ -13,7 +13,7 @@ from vnav.io.sources.frame_list import FrameList
 _REMARKS = {
     "width": "of the first image",
     "height": "of the first image",
-    "fx": f"{GUESS} by what a calibration or the sensor's software tells",
+    "fx": f"{GUESS} by what vnav calibrate or the sensor's software tells",
     "fy": GUESS,
     "cx": GUESS,
     "cy": GUESS,
