@@ -42,7 +42,8 @@ def test_a_part_of_a_board_with_markers_is_enough() -> None:
 
 def test_boards_that_older_opencv_printed_are_found() -> None:
     board = Board()
-    printed = board.charuco()
+    known = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_4X4_50)
+    printed = cv2.aruco.CharucoBoard(board.size, board.square_m, board.marker_m, known)
     printed.setLegacyPattern(True)
     image = np.pad(printed.generateImage((350, 500)), 40, constant_values=255)
     view = find_board(image, board, FILE)
@@ -57,6 +58,13 @@ def test_boards_that_older_opencv_printed_are_found() -> None:
 def test_no_board_is_no_view(board: Board) -> None:
     noise = np.random.default_rng(0).integers(0, 255, (240, 320)).astype(np.uint8)
     assert find_board(noise, board, FILE) == Rejected("no board found")
+
+
+@pytest.mark.parametrize("kind", ["charuco", "chessboard"])
+@pytest.mark.parametrize("shape", [(1, 1), (3, 4000), (20, 20)])
+def test_images_of_any_size_are_looked_at(kind: str, shape: tuple[int, int]) -> None:
+    found = find_board(np.full(shape, 99, np.uint8), Board(kind, 4, 4), FILE)
+    assert found == Rejected("no board found")
 
 
 def test_too_few_corners_are_no_view() -> None:

@@ -1,3 +1,4 @@
+import dataclasses
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -10,13 +11,16 @@ from vnav.calibration.detection import BoardView
 from vnav.calibration.doubts import covered_share, doubts
 from vnav.calibration.estimate import FittedCamera, fit, fit_without_outliers
 from vnav.core.arrays import Array
+from vnav.core.camera import Intrinsics
 
 BOARD = Board("chessboard", 10, 7)
 SIGMA_PX = 0.1
 TRUE = np.array([CAMERA.fx, CAMERA.fy, CAMERA.cx, CAMERA.cy, *CAMERA.distortion])
 
 
-def seen(T_camera_board: Sequence[Array], seed: int = 0) -> list[BoardView]:
+def seen(
+    T_camera_board: Sequence[Array], seed: int = 0, camera: Intrinsics = CAMERA
+) -> list[BoardView]:
     """The corners as the camera sees them, with noise."""
     rng, corner = np.random.default_rng(seed), np.arange(len(BOARD.points))
     return [
@@ -24,7 +28,7 @@ def seen(T_camera_board: Sequence[Array], seed: int = 0) -> list[BoardView]:
             Path(f"{k}.png"),
             CAMERA.size,
             corner,
-            project(BOARD, CAMERA, T) + SIGMA_PX * rng.standard_normal((len(corner), 2)),
+            project(BOARD, camera, T) + SIGMA_PX * rng.standard_normal((len(corner), 2)),
             1.5,
         )
         for k, T in enumerate(T_camera_board)
@@ -55,6 +59,13 @@ def test_residuals_are_the_noise() -> None:
 def test_k3_is_left_out_where_it_is_nothing() -> None:
     camera = fit(seen(poses(BOARD, 12)), BOARD)
     assert (camera.intrinsics.distortion[-1], camera.sigmas[-1]) == (0, 0)
+
+
+def test_k3_is_found_where_it_is_something() -> None:
+    camera = dataclasses.replace(CAMERA, distortion=(0.12, -0.25, 0.002, -0.001, 0.5))
+    found = fit(seen(poses(BOARD, 25), camera=camera), BOARD)
+    assert 0 < found.sigmas[-1] < 0.1
+    assert abs(found.intrinsics.distortion[-1] - 0.5) < 4 * found.sigmas[-1]
 
 
 def test_an_image_that_does_not_agree_is_left_out() -> None:

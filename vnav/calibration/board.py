@@ -10,7 +10,7 @@ from vnav.core.arrays import Array
 from vnav.errors import CameraError
 
 KINDS = ("charuco", "chessboard")
-FEWEST_SQUARES, MOST_SQUARES = 3, 100  # along a side
+FEWEST_SQUARES, MOST_SQUARES = 4, 100  # along a side
 LEAST_M, MOST_M = 1e-3, 1.0  # of a square
 MOST_OF_SQUARE = 0.95  # a marker needs a white margin
 BIT_PX = 12  # of a marker's bit, where a picture of the board is drawn
@@ -53,7 +53,7 @@ class Board:
                 f"expected markers smaller than squares of {self.square_m * 1e3:g} mm, with a white"
                 f" margin around, found {self.marker_m * 1e3:g} mm"
             )
-        known, needed = len(self.markers().bytesList), self.columns * self.rows // 2
+        known, needed = len(self._markers().bytesList), self.columns * self.rows // 2
         if needed > known:
             raise CameraError(
                 f"expected a dictionary of {needed} markers for {self.columns} x {self.rows}"
@@ -71,7 +71,7 @@ class Board:
         rows, columns = np.indices((self.rows - 1, self.columns - 1)).reshape(2, -1)
         return self.square_m * np.stack([columns + 1.0, rows + 1.0, 0.0 * rows], -1)
 
-    def markers(self) -> "cv2.aruco.Dictionary":
+    def _markers(self) -> "cv2.aruco.Dictionary":
         """OpenCV's dictionary; CameraError names all where there is none of that name."""
         names = sorted(name[5:] for name in dir(cv2.aruco) if name.startswith("DICT_"))
         if self.dictionary not in names:
@@ -81,18 +81,31 @@ class Board:
         kind: int = getattr(cv2.aruco, f"DICT_{self.dictionary}")
         return cv2.aruco.getPredefinedDictionary(kind)
 
-    def charuco(self) -> "cv2.aruco.CharucoBoard":
-        """OpenCV's board with these markers."""
-        return cv2.aruco.CharucoBoard(self.size, self.square_m, self.marker_m, self.markers())
+    def _charuco(self) -> "cv2.aruco.CharucoBoard":
+        return cv2.aruco.CharucoBoard(self.size, self.square_m, self.marker_m, self._markers())
+
+    def corners_by_markers(
+        self, gray: NDArray[np.uint8], *, legacy: bool = False
+    ) -> tuple[NDArray[np.intp], Array]:
+        """Rows of `points` (N,) and pixels (N, 2) that an image (H, W) shows, as OpenCV has them.
+
+        ``legacy``: the other way to place markers on a board of even rows, of OpenCV before 4.6.
+        """
+        known = self._charuco()
+        known.setLegacyPattern(legacy)
+        px, corner, _, _ = cv2.aruco.CharucoDetector(known).detectBoard(gray)
+        if corner is None:
+            return np.zeros(0, np.intp), np.zeros((0, 2))
+        return np.asarray(corner, np.intp).ravel(), np.asarray(px, float).reshape(-1, 2)
 
     def image(self) -> NDArray[np.uint8]:
         """The board (H, W) in grey levels, squares as many pixels wide as high, no margin."""
         if self.kind == "chessboard":
             return _checkered(self.columns, self.rows)
-        bits = self.markers().markerSize + 2  # with its border
+        bits = self._markers().markerSize + 2  # with its border
         square_px = round(BIT_PX * bits * self.square_m / self.marker_m)
         size_px = self.columns * square_px, self.rows * square_px
-        return np.asarray(self.charuco().generateImage(size_px), np.uint8)
+        return np.asarray(self._charuco().generateImage(size_px), np.uint8)
 
 
 def _checkered(columns: int, rows: int) -> NDArray[np.uint8]:

@@ -63,10 +63,10 @@ def _chessboard(gray: NDArray[np.uint8], board: Board) -> tuple[NDArray[np.intp]
     scale = min(1.0, ENOUGH_PX / max(gray.shape))
     small = cv2.resize(gray, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA)
     found, px = cv2.findChessboardCornersSB(small, shape, flags=_CHESSBOARD)
-    corner, px = _corners(np.arange(shape[0] * shape[1]) if found else None, px)
     if not found:
-        return corner, px
-    px = (px + 0.5) / scale - 0.5
+        return np.zeros(0, np.intp), np.zeros((0, 2))
+    corner = np.arange(shape[0] * shape[1])
+    px = (np.asarray(px, float).reshape(-1, 2) + 0.5) / scale - 0.5
     shortest = min(np.linalg.norm(b - a, axis=1).min() for a, b in _edges(board, corner, px))
     half = max(2, int(WINDOW * shortest))
     px = cv2.cornerSubPix(gray, px.astype(np.float32), (half, half), (-1, -1), STEPS)
@@ -74,34 +74,22 @@ def _chessboard(gray: NDArray[np.uint8], board: Board) -> tuple[NDArray[np.intp]
 
 
 def _charuco(gray: NDArray[np.uint8], board: Board) -> tuple[NDArray[np.intp], Array]:
-    """By both ways of placing markers on a board of even rows: OpenCV's before 4.6, and since."""
-    ways = []
-    for legacy in (False, True)[: 2 - board.rows % 2]:
-        known = board.charuco()
-        known.setLegacyPattern(legacy)
-        px, corner, _, _ = cv2.aruco.CharucoDetector(known).detectBoard(gray)
-        ways.append(_corners(corner, px))
-    corner, px = max(ways, key=lambda way: len(way[0]))
+    """By both ways of placing markers, where there are two."""
+    ways = (False, True)[: 2 - board.rows % 2]
+    found = [board.corners_by_markers(gray, legacy=legacy) for legacy in ways]
+    corner, px = max(found, key=lambda way: len(way[0]))
     return corner, px - _centre_of_a_pixel()
 
 
 @lru_cache
 def _centre_of_a_pixel() -> float:
     """Coordinate of the first pixel's centre where OpenCV finds markers: 0, and 0.5 in 4.11."""
-    board = Board(columns=3, rows=3)
+    board = Board(columns=4, rows=4)
     image = np.pad(board.image(), PAD_PX, constant_values=255)
-    px, corner, _, _ = cv2.aruco.CharucoDetector(board.charuco()).detectBoard(image)
-    corner, px = _corners(corner, px)
+    corner, px = board.corners_by_markers(image)
     square_px = (len(image) - 2 * PAD_PX) / board.rows
     drawn = PAD_PX - 0.5 + board.points[corner, :2] / board.square_m * square_px
     return round(2 * float((px - drawn).mean())) / 2
-
-
-def _corners(corner: object, px: object) -> tuple[NDArray[np.intp], Array]:
-    """Rows (N,) and pixels (N, 2) of what OpenCV found, which may be None."""
-    if corner is None or px is None:
-        return np.zeros(0, np.intp), np.zeros((0, 2))
-    return np.asarray(corner, np.intp).ravel(), np.asarray(px, float).reshape(-1, 2)
 
 
 def _edges(board: Board, corner: NDArray[np.intp], px: Array) -> list[Edges]:

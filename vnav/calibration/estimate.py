@@ -17,6 +17,7 @@ FEWEST_IMAGES = 3  # Zhang 2000: fewer leave the camera open
 OUTLIER = 3.0  # times the median residual of the images, and no less than
 LEAST_OUTLIER = 1 / 1280  # of the image's width
 SIGNIFICANT = 3.0  # standard deviations: k3 nearer to 0 is left out
+LEAST_KNOWN = 1e-15  # of what is known best: less is nothing but rounding
 PIXEL_DIGITS, DISTORTION_DIGITS = 4, 8
 
 
@@ -150,7 +151,7 @@ def _sigmas(
     """Standard deviations (9,) of least squares, the noise as large as the residuals tell.
 
     OpenCV's own differ from version to version, and count corners where there are two residuals
-    each. Infinite where the images leave a parameter open.
+    each. Enormous where the images leave a parameter open.
     """
     normal, residuals = np.zeros((free.sum(), free.sum())), 0
     for each, pose in zip(fitted, poses, strict=True):
@@ -164,6 +165,7 @@ def _sigmas(
     variance = squares / max(residuals - 6 * len(fitted) - int(free.sum()), 1)
     scale = np.sqrt(np.diag(normal))
     sigmas = np.zeros(len(PARAMETERS))
-    inverse = np.linalg.pinv(normal / np.outer(scale, scale), hermitian=True)
-    sigmas[free] = np.sqrt(variance * np.diag(inverse)) / scale
+    values, ways = np.linalg.eigh(normal / np.outer(scale, scale))
+    inverse = (ways**2 / np.maximum(values, LEAST_KNOWN)).sum(1)  # its diagonal
+    sigmas[free] = np.sqrt(variance * inverse) / scale
     return sigmas

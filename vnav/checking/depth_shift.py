@@ -82,6 +82,7 @@ def _profiles(
 
 def depth_shift(profiles: Sequence[EdgeProfiles]) -> DepthShift | None:
     """The shift that frames agree on; None where there are too few edges, or it is not clear."""
+    profiles = [each for each in profiles if each.width == profiles[0].width]
     if not profiles:
         return None
     sums = np.array([each.sums for each in profiles])
