@@ -98,7 +98,7 @@ def test_few_images_in_the_middle_are_doubted() -> None:
 
 
 def test_a_lens_that_the_model_does_not_fit_is_doubted() -> None:
-    views = seen(poses(BOARD, 12))
+    views = seen(poses(BOARD, 25))
     wavy = [
         BoardView(view.path, view.size, view.corner, view.px + 2 * np.sin(view.px / 20), 1.5)
         for view in views

@@ -9,7 +9,7 @@ from vnav.core.camera import Intrinsics
 ENOUGH_IMAGES = 10
 TILTED_DEG, ENOUGH_TILTED = 15.0, 3
 CELLS = (8, 6)  # of the image, along its longer side and its shorter
-COVERED = 0.6  # share of the cells
+COVERED = 0.7  # share of the cells
 VAGUE = 0.005  # standard deviation: of a focal length, of the image's width for a principal point
 POOR_FIT = 1 / 640  # of the image's width: a pixel at 640
 
