@@ -8,6 +8,7 @@
 #   make attack      5,000 hostile inputs, an hour   make attack-long  kills, full disks, two writers
 #   make results     docs/results.md, of what these two record in benchmarks/results
 #   make pictures    the pictures of README.md and the tutorial, from the demo
+#   make docs        all pages as a site: build/site/index.html
 #   make clean       everything that make made
 
 PYTHON ?= python3
@@ -25,7 +26,7 @@ CAPTURES := ../shared/captures/house ../shared/captures/redkitchen01
 DESK := ../shared/captures/fr1_desk
 SOURCES := find vnav cli configs datasets -type f ! -name '*.pyc'
 
-.PHONY: setup demo pictures test test-lower-bounds check lock bench bench-real attack attack-long results clean python system links
+.PHONY: setup demo pictures docs test test-lower-bounds check lock bench bench-real attack attack-long results clean python system links
 
 setup: python system links
 
@@ -34,6 +35,9 @@ demo: setup
 
 pictures: setup
 	$(BIN)/python docs/make_pictures.py
+
+docs: setup
+	$(BIN)/python docs/make_site.py
 
 test: check
 	$(BIN)/pytest -m "not real" -n auto --dist loadfile

@@ -1,0 +1,127 @@
+"""The site of the documentation: every page is in it, and it needs no network."""
+
+import importlib.util
+import re
+import shutil
+from collections.abc import Iterator
+from html.parser import HTMLParser
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+import pytest
+import yaml
+
+from tests.browser import CHROMIUM, Browser
+from tests.test_docs import PAGES, ROOT
+
+MISSING = "needs mkdocs-material (pip install '.[docs]')"
+LOADED = {"link": "href", "script": "src", "img": "src", "iframe": "src", "source": "src"}
+
+
+class Page(HTMLParser):
+    """What a page loads when it is opened, and where its links lead."""
+
+    def __init__(self, path: Path) -> None:
+        super().__init__()
+        self.loaded, self.links = list[str](), list[str]()
+        self.anchors = {""}
+        self.feed(path.read_text("utf-8"))
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        given = {name: value or "" for name, value in attrs}
+        self.anchors.add(given.get("id", ""))
+        if tag == "a" and "href" in given:
+            self.links.append(given["href"])
+        elif LOADED.get(tag) in given:
+            self.loaded.append(given[LOADED[tag]])
+
+
+def listed(entry: Any) -> Iterator[str]:
+    """The pages that a part of the navigation names."""
+    if isinstance(entry, str):
+        yield entry
+    else:
+        for part in entry.values() if isinstance(entry, dict) else entry:
+            yield from listed(part)
+
+
+class Config(yaml.SafeLoader):
+    """Reads mkdocs.yml, with None for what names a function."""
+
+
+Config.add_multi_constructor("tag:yaml.org,2002:python/", lambda *_: None)
+
+
+def test_the_navigation_lists_every_page_once() -> None:
+    config = yaml.load((ROOT / "docs/site/mkdocs.yml").read_text("utf-8"), Config)
+    pages = sorted(page.relative_to(ROOT).as_posix() for page in PAGES)
+    assert sorted(listed(config["nav"])) == pages
+
+
+@pytest.fixture(scope="module")
+def make_site() -> ModuleType:
+    spec = importlib.util.spec_from_file_location("make_site", ROOT / "docs" / "make_site.py")
+    assert spec is not None
+    assert spec.loader is not None
+    script = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(script)
+    return script
+
+
+@pytest.fixture(scope="module")
+def site(make_site: ModuleType, tmp_path_factory: pytest.TempPathFactory) -> dict[Path, Page]:
+    """The pages of the site, built strictly."""
+    pytest.importorskip("material", reason=MISSING)
+    index = make_site.build(tmp_path_factory.mktemp("site"))
+    return {path: Page(path) for path in index.parent.rglob("*.html") if path.stem != "404"}
+
+
+def test_every_page_is_built(site: dict[Path, Page]) -> None:
+    names = {path.stem for path in site}
+    assert names == {"index", *(page.stem for page in PAGES if page.name != "README.md")}
+
+
+def test_a_page_loads_nothing_from_a_network(site: dict[Path, Page]) -> None:
+    for path, page in site.items():
+        assert page.loaded
+        for target in page.loaded:
+            assert (path.parent / target.partition("?")[0]).is_file(), f"{path}: {target}"
+    for style in next(iter(site)).parent.rglob("*.css"):
+        assert not re.search(r"(?:url\(|@import)\s*[\"']?https?:", style.read_text("utf-8")), style
+
+
+def test_every_link_of_the_site_leads_somewhere(site: dict[Path, Page]) -> None:
+    for path, page in site.items():
+        inner = [link for link in page.links if not re.match(r"\w+:", link)]
+        for target, _, anchor in (link.partition("#") for link in inner):
+            leads = (path.parent / target).resolve() if target else path
+            assert leads.is_file(), f"{path}: {target}"
+            assert not anchor or anchor in site[leads].anchors, f"{path}: {target}#{anchor}"
+
+
+def test_a_link_to_a_heading_that_is_not_there_stops_the_site(
+    make_site: ModuleType, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    pytest.importorskip("material", reason=MISSING)
+    shutil.copytree(ROOT / "docs" / "site", tmp_path / "docs" / "site")
+    config = tmp_path / "docs" / "site" / "mkdocs.yml"
+    nav = re.compile(r"^nav:$.*?(?=^theme:)", re.M | re.S)
+    config.write_text(nav.sub("nav: [README.md]\n", config.read_text("utf-8")))
+    (tmp_path / "README.md").write_text("# One\n\n## A heading\n\n[well](#a-heading)\n")
+    monkeypatch.setattr(make_site, "ROOT", tmp_path)
+    make_site.build(tmp_path / "build")
+    (tmp_path / "README.md").write_text("# One\n\n## Another heading\n\n[ill](#a-heading)\n")
+    with pytest.raises(SystemExit):
+        make_site.build(tmp_path / "build")
+
+
+@pytest.mark.skipif(CHROMIUM is None, reason="needs Chromium (apt install chromium)")
+def test_a_phone_shows_the_site_from_the_disk(site: dict[Path, Page], tmp_path: Path) -> None:
+    """No page is wider than the screen, none has an error, and the search finds something."""
+    browser = Browser(tmp_path)
+    for path in site:
+        browser.show(path, 375, 800)
+        assert browser.run("document.documentElement.scrollWidth") == 375, path
+        assert not browser.said, path
+    browser.close()
