@@ -3,6 +3,7 @@
 import ast
 import re
 from collections.abc import Iterator
+from itertools import pairwise
 from pathlib import Path
 
 import pytest
@@ -84,6 +85,15 @@ def test_every_link_leads_somewhere(page: Path) -> None:
     for target, anchor in _links(page):
         assert target.exists(), target
         assert not anchor or anchor in _anchors(target), f"{target.name}#{anchor}"
+
+
+@_of(PAGES)
+def test_a_list_is_one_on_github_and_in_the_site(page: Path) -> None:
+    """The site wants an empty line before a list, and four spaces before a list within one."""
+    for before, line in pairwise(_text(page).splitlines()):
+        if item := re.match(r"( *)(?:[-*]|\d+\.) ", line):
+            assert len(item[1]) % 4 == 0, line
+            assert not before or re.match(r" |[-*] |\d+\. ", before), line
 
 
 def test_every_page_is_linked_from_another() -> None:
