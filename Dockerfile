@@ -2,7 +2,7 @@
 #   docker build --tag vnav .
 #   docker run --rm --user "$(id -u):$(id -g)" --volume "$PWD:/data" --volume vnav:/home/vnav vnav build-map my_capture
 # The volume at /home/vnav keeps compiled code and public sequences from one run to the next.
-# .ci/dockerfile_in_chroot.py runs this file where there is no docker.
+# python3 .ci/dockerfile_in_chroot.py runs this file where there is no docker.
 FROM debian:bookworm-slim
 
 # The Makefile names the libraries that open3d needs of the system.

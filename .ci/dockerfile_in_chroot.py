@@ -1,10 +1,10 @@
 """Runs the Dockerfile in a bare Debian, where there is no docker.
 
-    .ci/dockerfile_in_chroot.py FOLDER [ARGUMENT...]
+    python3 .ci/dockerfile_in_chroot.py FOLDER [ARGUMENT...]
 
-FOLDER becomes the file system that an image would have; one that this Dockerfile has made is kept.
-Then the entry point runs, with the ARGUMENTs if there are any. It takes root, debootstrap, unshare
-and a mirror of Debian.
+FOLDER becomes the file system that an image would have; where this Dockerfile has made it, it is
+kept: remove it after a change of vnav. Then the entry point runs, with the ARGUMENTs if there are
+any. It takes root, debootstrap, unshare and a mirror of Debian.
 """
 
 import argparse
