@@ -1,3 +1,4 @@
+from dataclasses import replace
 from pathlib import Path
 
 import cv2
@@ -21,6 +22,7 @@ from vnav.synthetic import (
     apartment,
     cached_capture,
     one_room,
+    rendered_capture,
     write_capture,
 )
 from vnav.synthetic.furniture import shelf, table
@@ -246,6 +248,20 @@ def test_a_cache_that_cannot_be_written_is_named(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
     with pytest.raises(CaptureError, match="XDG_CACHE_HOME"):
         cached_capture(MINIATURE, tmp_path / "file")
+
+
+def test_what_another_process_has_rendered_meanwhile_is_taken(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    spec = replace(MINIATURE, frames=2, photos=0)
+
+    def write(folder: Path, *_: object) -> None:
+        monkeypatch.undo()
+        cached_capture(spec, tmp_path)
+        folder.mkdir(parents=True)
+
+    monkeypatch.setattr(rendered_capture, "write_capture", write)
+    assert (cached_capture(spec, tmp_path) / "camera.toml").is_file()
 
 
 @pytest.fixture(scope="module")

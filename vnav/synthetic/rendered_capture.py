@@ -112,6 +112,8 @@ def cached_capture(
             write_capture(Path(draft) / "whole" / spec.name, spec, progress)
             (Path(draft) / "whole").rename(folder.parent)
     except OSError as error:
+        if folder.is_dir():  # another process was first
+            return folder
         raise CaptureError(
             f"expected to write a rendered capture to {cache}, found: {error.strerror}; name a"
             " writable folder with XDG_CACHE_HOME"
