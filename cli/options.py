@@ -16,6 +16,7 @@ from vnav.cli.say import printable, say
 from vnav.core.progress import Progress, silent
 
 Command = TypeVar("Command", bound=Callable[..., Any])
+LATELY_S = 10.0  # a rate is that of the last 10 to 20 s: runs that compile start slowly
 
 map_option = click.option(
     "--map",
@@ -117,22 +118,25 @@ def console_progress() -> Progress:
 
 
 class _ConsoleProgress:
-    """How far each task is, how fast it goes, and how long it will take."""
+    """How far each task is, how fast it goes of late, and how long it will take."""
 
     def __init__(self) -> None:
         self._live = sys.stderr.isatty()
-        self._started: dict[str, tuple[float, int]] = {}  # of each task: when, and what was done
+        self._marks: dict[str, list[tuple[float, int]]] = {}  # of each task: when, what was done
         self._shown: dict[str, float] = {}
 
     def __call__(self, task: str, done: int, total: int) -> None:
         now = time.monotonic()
-        start_s, first = self._started.setdefault(task, (now, done))
+        marks = self._marks.setdefault(task, [(now, done)])
+        if now - marks[-1][0] >= LATELY_S:
+            marks.append((now, done))
         wait_s = 0.1 if self._live else 10.0
         if done < total and now - self._shown.get(task, now - 60) < wait_s:
             return
         self._shown[task] = now
         end = "\n" if done >= total or not self._live else ""
-        rate = pace(done - first, total - done, now - start_s)
+        since_s, first = marks[0] if done >= total else marks[max(len(marks) - 2, 0)]
+        rate = pace(done - first, total - done, now - since_s)
         line = printable(f"{task}: {done}/{total}{rate}")
         click.echo(("\r\x1b[K" if self._live else "") + line + end, err=True, nl=False)
 

@@ -2,12 +2,14 @@
 
 import logging
 from pathlib import Path
+from types import SimpleNamespace
 
 import click
 import pytest
 from click.testing import CliRunner, Result
 
 import vnav
+from vnav.cli import options
 from vnav.cli.logs import NOTICES, add_options
 from vnav.cli.options import console_progress, pace
 
@@ -98,6 +100,19 @@ def test_progress_tells_rate_and_time_left(
     done: int, left: int, seconds: float, expected: str
 ) -> None:
     assert pace(done, left, seconds) == expected
+
+
+def test_the_time_left_forgets_a_slow_start(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """As that of a run that compiles first."""
+    times_s = iter((0.0, 50.0, 60.0, 70.0, 116.0))
+    monkeypatch.setattr(options, "time", SimpleNamespace(monotonic=lambda: next(times_s)))
+    progress = console_progress()
+    for done in (0, 2, 32, 62, 200):
+        progress("odometry", done, 200)
+    told = [line.partition("  ")[2] for line in capsys.readouterr().err.splitlines()]
+    assert told[2:] == ["3/s, 56 s left", "3/s, 46 s left", "(116 s)"]
 
 
 def test_a_command_that_is_asked_for_again_has_its_options_once(command: click.Command) -> None:
