@@ -283,10 +283,12 @@ def test_the_overlay_shows_the_photo_and_the_map_beside_it(
     overlay.draw(answer, locator.database, tmp_path / "new" / "overlay.png")
     drawn, photo = cv2.imread(str(tmp_path / "new" / "overlay.png")), cv2.imread(str(photos[0]))
     height, width = photo.shape[:2]
-    assert len(drawn) == height
+    legend = drawn[height:]
     assert drawn.shape[1] > width
-    assert (drawn[:, :width] != photo).any()
-    assert (drawn[:, width:] == inset.GREEN).all(2).any()
+    assert (drawn[:height, :width] != photo).any()
+    assert (drawn[:height, width:] == inset.GREEN).all(2).any()
+    for color in (overlay.BLUE, overlay.GREEN, overlay.YELLOW):
+        assert (legend == color).all(2).any()
 
 
 def test_the_camera_is_drawn_where_it_stands_in_the_map(

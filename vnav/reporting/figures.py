@@ -9,6 +9,7 @@ from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
+from matplotlib.transforms import offset_copy
 
 from vnav.core.arrays import Array
 from vnav.core.grid import FREE, OCCUPIED, UNKNOWN, WALKED, Grid
@@ -16,6 +17,7 @@ from vnav.errors import VnavError
 from vnav.io.files import whole_file
 
 COLORS = {FREE: "#ffffff", OCCUPIED: "#263238", UNKNOWN: "#d6dade", WALKED: "#b2dfdb"}
+BAR_PT, TITLE_PT = 6, 26  # above the axes, in points: the scale bar with its length, the title
 Extent = tuple[float, float, float, float]  # left, right, bottom, top in metres
 
 
@@ -28,15 +30,21 @@ def map_figure(extent: Extent, title: str, longest_in: float = 10.0) -> tuple[Fi
     inches = longest_in / max(width, height)
     size = (max(width * inches, longest_in / 2) + 0.8, max(height * inches, longest_in / 5) + 1.3)
     figure = Figure(size, dpi=150, layout="constrained")
-    axes = figure.add_subplot(title=title, xlabel="x / m", ylabel="y / m", aspect="equal")
+    axes = figure.add_subplot(xlabel="x / m", ylabel="y / m", aspect="equal")
+    axes.set_title(title, pad=TITLE_PT)
     axes.set(xlim=extent[:2], ylim=extent[2:])
     axes.spines[["top", "right"]].set_visible(False)
     bar_m = next(length for length in (5, 2, 1, 0.5, 0.2) if length < width / 4 or length == 0.2)
-    right, above = extent[1], axes.get_xaxis_transform()
-    bar = [right - bar_m, right]
-    axes.plot(bar, [1.02, 1.02], "k|-", ms=6, lw=1.5, transform=above, clip_on=False)
-    axes.text(right - bar_m / 2, 1.03, f"{bar_m:g} m", ha="center", transform=above)
+    _draw_scale(figure, axes, extent[1], bar_m)
     return figure, axes
+
+
+def _draw_scale(figure: Figure, axes: Axes, right: float, bar_m: float) -> None:
+    """A bar of so many metres above the right corner, below the title."""
+    above = axes.get_xaxis_transform()
+    bar, text = (offset_copy(above, figure, 0, pt, units="points") for pt in (BAR_PT, BAR_PT + 4))
+    axes.plot([right - bar_m, right], [1, 1], "k|-", ms=6, lw=1.5, transform=bar, clip_on=False)
+    axes.text(right - bar_m / 2, 1, f"{bar_m:g} m", ha="center", va="bottom", transform=text)
 
 
 def grid_image(grid: Grid) -> Array:

@@ -15,6 +15,7 @@ from vnav.localisation.verification.prediction import predict
 from vnav.localisation.verification.verify import VerifiedPose
 from vnav.reporting.inset import GREEN, RED, Inset
 from vnav.reporting.picture_file import write_picture
+from vnav.reporting.picture_legend import ARROW, DOT, LINE, RING, LegendEntry, with_legend
 
 YELLOW, BLUE = (0, 220, 255), (255, 150, 60)  # BGR
 MOST_PLACES = 8  # drawn of a photo that was not located
@@ -24,8 +25,8 @@ def draw(answer: PhotoAnswer, database: LandmarkDatabase, path: Path) -> None:
     """Write a picture: blue what the map predicts, green the inliers, yellow how far they are off.
 
     Beside it the map from above: the camera in green, with its uncertainty. A photo that was not
-    located shows its features, and the places it may have been taken at, in red. VnavError where
-    the picture cannot be written.
+    located shows its features, and the places it may have been taken at, in red. A legend stands
+    below. VnavError where the picture cannot be written.
     """
     canvas = _seen(answer)
     if answer.best is not None:
@@ -35,6 +36,7 @@ def draw(answer: PhotoAnswer, database: LandmarkDatabase, path: Path) -> None:
             cv2.circle(canvas, (round(x), round(y)), 2, RED, -1, cv2.LINE_AA)
     canvas = _beside(canvas, answer, database.index.voxels)
     _draw_title(canvas, summary(answer).removeprefix(f"{answer.path}: "))
+    canvas = with_legend(canvas, _entries(answer, database.index.voxels))
     if path.resolve() == answer.path.resolve():
         raise VnavError(
             f"expected another file for the picture than its photo {path}, and wrote nothing; name"
@@ -79,6 +81,22 @@ def _beside(canvas: NDArray[np.uint8], answer: PhotoAnswer, voxels: Voxels) -> N
         for hypothesis in answer.result.hypotheses[:MOST_PLACES]:
             inset.draw(hypothesis, RED)
     return np.concatenate([canvas, inset.image], 1)
+
+
+def _entries(answer: PhotoAnswer, voxels: Voxels) -> list[LegendEntry]:
+    """What is drawn, on the photo and, where it is there, on the map beside it."""
+    has_map = bool(voxels.solid.any())
+    if answer.best is None:
+        maybe = [LegendEntry(ARROW, RED, "where it may have been taken")]
+        is_somewhere = has_map and bool(answer.result.hypotheses)
+        return [LegendEntry(DOT, RED, "feature"), *(maybe if is_somewhere else [])]
+    seen = [
+        LegendEntry(DOT, BLUE, "what the map predicts"),
+        LegendEntry(RING, GREEN, "feature that agrees"),
+        LegendEntry(LINE, YELLOW, "how far it is off"),
+    ]
+    camera = LegendEntry(ARROW, GREEN, "camera, and the ellipse that holds it with 99 %")
+    return [*seen, camera] if has_map and answer.sigmas is not None else seen
 
 
 def _draw_title(canvas: NDArray[np.uint8], text: str) -> None:

@@ -10,6 +10,7 @@ from vnav.core.frame import Frame
 from vnav.evaluation.tracker_matches import TrackerMatches, TrackerPair
 from vnav.reporting.inset import GREEN, RED
 from vnav.reporting.picture_file import write_picture
+from vnav.reporting.picture_legend import LINE, LegendEntry, with_legend
 
 BLUE, WHITE = (255, 150, 60), (255, 255, 255)  # BGR
 TITLE_PX = 28
@@ -20,7 +21,11 @@ def draw(pair: TrackerPair, path: Path) -> None:
 
     VnavError where it cannot be written.
     """
-    write_picture(path, np.concatenate([_row(m, pair.a, pair.b) for m in pair.matches]), "--png")
+    rows = np.concatenate([_row(m, pair.a, pair.b) for m in pair.matches])
+    is_judged = any(matches.right is not None for matches in pair.matches)
+    judged = [LegendEntry(LINE, GREEN, "right"), LegendEntry(LINE, RED, "wrong")]
+    unjudged = [LegendEntry(LINE, BLUE, "found; what is right is not known")]
+    write_picture(path, with_legend(rows, judged if is_judged else unjudged), "--png")
 
 
 def _row(matches: TrackerMatches, a: Frame, b: Frame) -> NDArray[np.uint8]:
