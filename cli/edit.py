@@ -1,4 +1,4 @@
-"""Give places of a map names: goals, and floor to keep out of."""
+"""Give places of a map names: goals, floor to keep out of, floor to cross one way only."""
 
 import math
 from pathlib import Path
@@ -19,7 +19,7 @@ NEGATIVE = {"ignore_unknown_options": True}  # -1,2 is a point
 @click.argument("map_dir", metavar="MAP", type=click.Path(path_type=Path))
 @click.pass_context
 def edit(context: click.Context, map_dir: Path) -> None:
-    """Name places of MAP, which 'vnav plan' goes to or keeps out of.
+    """Name places of MAP, which 'vnav plan' goes to, keeps out of, or crosses one way only.
 
     They are kept in MAP/places.toml, each tied to the nearest keyframe: a map that is built again
     or extended moves them with it.
@@ -28,6 +28,7 @@ def edit(context: click.Context, map_dir: Path) -> None:
     vnav edit my-map add-goal desk 2.5,-1
     vnav edit my-map add-goal kitchen kitchen.jpg
     vnav edit my-map keep-out stairs 1,1 2,1 2,3 1,3
+    vnav edit my-map one-way aisle 4,0 5,0 5,3 4,3 --heading 90
     vnav edit my-map list
     vnav edit my-map remove stairs
     """
@@ -69,14 +70,39 @@ def keep_out(map_dir: Path, name: str, corners: tuple[str, ...]) -> None:
     vnav edit my-map keep-out stairs 1,1 2,1 2,3 1,3
     """
     from vnav.api.map import open_map
-    from vnav.core.places import point_of
 
-    points = [point_of(corner) for corner in corners]
-    if None in points:
-        wrong = corners[points.index(None)]
-        raise click.UsageError(f"expected corners X,Y in metres, found {wrong!r}")
+    points = _points(corners)
     mapped = open_map(map_dir)
-    mapped.keep_out(name, [point for point in points if point])
+    mapped.keep_out(name, points)
+    say(_line(name, mapped.places()[name]))
+
+
+@edit.command(context_settings=NEGATIVE)
+@click.argument("name")
+@click.argument("corners", nargs=-1, required=True, metavar="X,Y...")
+@click.option(
+    "--heading",
+    "heading_deg",
+    metavar="DEG",
+    required=True,
+    type=click.FloatRange(-360, 360),
+    help="The way it leads, in degrees from x towards y: 0 is along x, 90 along y.",
+)
+@click.pass_obj
+def one_way(map_dir: Path, name: str, corners: tuple[str, ...], heading_deg: float) -> None:
+    """Name floor that paths cross one way only.
+
+    It is a polygon of three corners or more, in metres in the map's world. Inside it a path moves
+    at most 90 degrees off the heading: ahead or to the side, never back.
+
+    \b
+    vnav edit my-map one-way aisle 4,0 5,0 5,3 4,3 --heading 90
+    """
+    from vnav.api.map import open_map
+
+    points = _points(corners)
+    mapped = open_map(map_dir)
+    mapped.one_way(name, points, math.radians(heading_deg))
     say(_line(name, mapped.places()[name]))
 
 
@@ -111,12 +137,24 @@ def remove(map_dir: Path, name: str) -> None:
     open_map(map_dir).remove_place(name)
 
 
+def _points(corners: tuple[str, ...]) -> list[tuple[float, float]]:
+    """The corners of a polygon; UsageError where one is no point."""
+    from vnav.core.places import point_of
+
+    points = [point_of(corner) for corner in corners]
+    if None in points:
+        wrong = corners[points.index(None)]
+        raise click.UsageError(f"expected corners X,Y in metres, found {wrong!r}")
+    return [point for point in points if point]
+
+
 def _line(name: str, place: "NamedPlace | LostPlace") -> str:
     """What is told of a place."""
-    from vnav.core.places import NamedPlace
+    from vnav.core.places import ONE_WAY, NamedPlace
 
     if not isinstance(place, NamedPlace):
         return f"{name:20}{place.kind:10}lies nowhere: {place.reason}"
     where = "  ".join(f"({x:.2f}, {y:.2f})" for x, y in place.points_m.round(2) + 0.0)
-    looks = "" if place.yaw_rad is None else f", looks {math.degrees(place.yaw_rad):.0f} deg"
+    verb = "leads" if place.kind == ONE_WAY else "looks"
+    looks = "" if place.yaw_rad is None else f", {verb} {math.degrees(place.yaw_rad):.0f} deg"
     return f"{name:20}{place.kind:10}{where}{looks}"

@@ -54,6 +54,11 @@ if TYPE_CHECKING:
     help="The robot's radius in metres; 0.2 by default.",
 )
 @click.option(
+    "--footprint",
+    metavar="'X,Y X,Y X,Y'",
+    help="The robot's corners in metres, x forward, in place of its radius.",
+)
+@click.option(
     "--tolerance",
     "tolerance_m",
     metavar="M",
@@ -111,6 +116,7 @@ def plan(
     vnav plan --from here.jpg --to 2.5,-1 --csv path.csv --png path.png
     vnav plan --from current --to goal.jpg --yaml path.yaml
     vnav plan --from 0,0 --via kitchen --to desk
+    vnav plan --from 0,0 --to desk --footprint '0.4,0.2 -0.3,0.2 -0.3,-0.2 0.4,-0.2'
     """
     from vnav import config
     from vnav.api.map import open_map
@@ -141,4 +147,8 @@ def plan(
 def _for_robot(config: "Config", options: Mapping[str, Any]) -> "Config":
     """The settings with those of section plan that options give, None being none."""
     given = {name: value for name, value in options.items() if value is not None}
+    if "robot_radius_m" in given:
+        if given.get("footprint"):
+            raise click.UsageError("expected --robot-radius or --footprint, found both")
+        given["footprint"] = ""  # the settings may have one
     return dataclasses.replace(config, plan=dataclasses.replace(config.plan, **given))

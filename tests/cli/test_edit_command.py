@@ -28,14 +28,17 @@ def test_places_are_named_listed_and_removed(edited: Path) -> None:
     told = [
         run("edit", edited, "add-goal", "desk", "-1.5,2").stdout,
         run("edit", edited, "keep-out", "stairs", "-1,1", "2,1", "2,3").stdout,
+        run("edit", edited, "one-way", "aisle", "-1,1", "2,1", "2,3", "--heading", "-90").stdout,
     ]
     assert told[0].split() == ["desk", "goal", "(-1.50,", "2.00)"]
     assert run("edit", edited, "list").stdout == "".join(told)
+    assert told[2].endswith("leads -90 deg\n")
     run("edit", edited, "remove", "desk")
+    run("edit", edited, "remove", "aisle")
     assert run("edit", edited, "list").stdout == told[1]
 
 
-@pytest.mark.parametrize("command", ["add-goal", "keep-out", "list", "remove"])
+@pytest.mark.parametrize("command", ["add-goal", "keep-out", "one-way", "list", "remove"])
 def test_help_needs_no_map_and_shows_an_example(command: str) -> None:
     told = run("edit", "no-map", command, "--help").stdout
     assert f"  vnav edit my-map {command}" in told
@@ -45,6 +48,15 @@ def test_a_corner_that_is_no_point_is_a_usage_error(edited: Path) -> None:
     with pytest.raises(click.UsageError, match="found '2;1'"):
         run("edit", edited, "keep-out", "stairs", "1,1", "2;1", "2,3")
     assert not (edited / "places.toml").exists()
+
+
+@pytest.mark.parametrize(
+    ("heading", "said"),
+    [((), "heading"), (("--heading", "north"), "north"), (("--heading", "400"), "400")],
+)
+def test_a_one_way_has_a_heading(edited: Path, heading: tuple[str, ...], said: str) -> None:
+    with pytest.raises(click.UsageError, match=said):
+        run("edit", edited, "one-way", "aisle", "1,1", "2,1", "2,3", *heading)
 
 
 def test_the_keepout_mask_is_occupied_where_the_keep_outs_are(edited: Path, tmp_path: Path) -> None:

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from vnav.config import SETTINGS, Config, FuseConfig, RegistrationConfig, load, presets, updated
+from vnav.config.outline import Outline
 from vnav.config.setting import Choice, Range, Section, Setting
 from vnav.errors import ConfigError
 
@@ -24,6 +25,9 @@ def bad_values(setting: Setting) -> Iterator[Any]:
     yield float("inf")
     if isinstance(setting.allowed, Choice):
         yield from (0, 1, 2.5, "nonsense")
+        return
+    if isinstance(setting.allowed, Outline):
+        yield from ("1,1 2,2", "1,1 2,1 1,2", "1;1 -1;1 0;-1", "nan,1 -1,1 0,-1", ((1, 1),) * 3)
         return
     yield from (True, -float("inf"), 10**400)
     low, high = setting.allowed.ends
@@ -40,7 +44,8 @@ def bad_values(setting: Setting) -> Iterator[Any]:
 
 
 def _may_be_empty(setting: Setting) -> bool:
-    return isinstance(setting.allowed, Choice) and "" in setting.allowed.values
+    allowed = setting.allowed
+    return isinstance(allowed, Outline) or isinstance(allowed, Choice) and "" in allowed.values
 
 
 def changed(name: str, value: Any) -> Config:
@@ -93,7 +98,7 @@ def test_the_default_of_a_setting_is_allowed_and_of_its_type(name: str) -> None:
 def test_a_setting_says_what_it_means_and_in_what_unit(name: str) -> None:
     setting = SETTINGS[name]
     assert len(setting.meaning) > 10
-    assert bool(setting.unit) == isinstance(setting.allowed, Range)
+    assert bool(setting.unit) == isinstance(setting.allowed, Range | Outline)
     for ending, unit in UNITS.items():
         assert not name.endswith(ending) or "_per_" in name or setting.unit == unit
 

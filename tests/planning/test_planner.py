@@ -10,6 +10,7 @@ from vnav.core import se3
 from vnav.core.frame import Rejected
 from vnav.core.grid import FREE, OCCUPIED, UNKNOWN, WALKED, Grid
 from vnav.errors import ConfigError
+from vnav.planning.costmap import costmap
 from vnav.planning.planner import Plan, heading_rad, plan_path
 
 CONFIG = PlanConfig()
@@ -52,7 +53,7 @@ def _found(
     start: tuple[float, float], goal: tuple[float, float], grid: Grid = ROOMS, **changes: float
 ) -> Plan:
     config = dataclasses.replace(CONFIG, **changes)
-    plan = plan_path(grid, start, goal, config, uncertainty_m=UNCERTAINTY_M)
+    plan = plan_path(costmap(grid, UNCERTAINTY_M, config), start, goal)
     assert isinstance(plan, Plan)
     return plan
 
@@ -111,7 +112,7 @@ def test_more_weight_on_clearance_gives_more_clearance() -> None:
 
 
 def test_the_last_yaw_is_the_goals_heading() -> None:
-    plan = plan_path(ROOMS, (0.0, 0.0), (1.0, 0.0), CONFIG, final_yaw_rad=-2.5)
+    plan = plan_path(costmap(ROOMS, 0.0, CONFIG), (0.0, 0.0), (1.0, 0.0), final_yaw_rad=-2.5)
     assert isinstance(plan, Plan)
     assert plan.poses[-1, 2] == -2.5
     assert plan.poses[0, 2] == pytest.approx(0.0)
@@ -122,7 +123,7 @@ def test_without_a_heading_the_last_direction_is_kept() -> None:
 
 
 def test_a_path_to_where_one_is_is_one_pose() -> None:
-    plan = plan_path(ROOMS, (0.01, 0.01), (0.01, 0.01), CONFIG, final_yaw_rad=1.0)
+    plan = plan_path(costmap(ROOMS, 0.0, CONFIG), (0.01, 0.01), (0.01, 0.01), final_yaw_rad=1.0)
     assert isinstance(plan, Plan)
     assert plan.poses.tolist() == [[0.01, 0.01, 1.0]]
     assert plan.length_m == 0
@@ -147,7 +148,7 @@ def test_unknown_space_is_crossed_only_if_allowed() -> None:
     across = _found((0.2, 1.7), (1.9, 1.7), allow_unknown=True, unknown_cost=1.0)
     assert across.length_m < 1.02 * np.hypot(1.7, 0)
     assert round_it.length_m > 1.1 * across.length_m
-    refused = plan_path(ROOMS, *ends, dataclasses.replace(CONFIG, tolerance_m=0.1))
+    refused = plan_path(costmap(ROOMS, 0.0, dataclasses.replace(CONFIG, tolerance_m=0.1)), *ends)
     assert isinstance(refused, Rejected)
     assert "unknown space" in refused.reason
     assert "(--allow-unknown)" in refused.reason
@@ -179,8 +180,11 @@ def test_a_place_on_walked_floor_is_not_moved_and_one_beside_it_is_moved_there()
     beside = _found((1.0, 1.80), (4.0, 2.0), corridor)
     assert beside.start.snapped == pytest.approx((1.0, 1.725), abs=0.03)
     off = dataclasses.replace(CONFIG, allow_walked=False, tolerance_m=0.3)
-    refused = plan_path(corridor, (1.0, 1.55), (4.0, 2.0), off, uncertainty_m=UNCERTAINTY_M)
-    assert refused == plan_path(ROOMS, (1.0, 1.55), (4.0, 2.0), off, uncertainty_m=UNCERTAINTY_M)
+    refused, bare = (
+        plan_path(costmap(grid, UNCERTAINTY_M, off), (1.0, 1.55), (4.0, 2.0))
+        for grid in (corridor, ROOMS)
+    )
+    assert refused == bare
     assert isinstance(refused, Rejected)
     assert "lies in unknown space; the nearest cell the robot can be in is" in refused.reason
 
@@ -193,7 +197,7 @@ def test_a_path_over_walked_floor_keeps_clear_of_what_stands_beside_it(seed: int
     cells[12:-12, 15:45] = WALKED
     cells[rng.integers(12, 48, 12), rng.integers(10, 50, 12)] = OCCUPIED
     grid = Grid((0.0, 0.0), 0.05, cells)
-    plan = plan_path(grid, (1.5, 0.3), (1.5, 2.7), CONFIG, uncertainty_m=UNCERTAINTY_M)
+    plan = plan_path(costmap(grid, UNCERTAINTY_M, CONFIG), (1.5, 0.3), (1.5, 2.7))
     if isinstance(plan, Rejected):
         assert "separate regions" in plan.reason
         return
@@ -206,7 +210,7 @@ def test_a_path_over_walked_floor_keeps_clear_of_what_stands_beside_it(seed: int
 
 def test_a_robot_too_wide_for_the_door_gets_the_reason() -> None:
     config = dataclasses.replace(CONFIG, robot_radius_m=0.45)
-    refused = plan_path(ROOMS, (0.0, 0.0), (6.0, 1.5), config)
+    refused = plan_path(costmap(ROOMS, 0.0, config), (0.0, 0.0), (6.0, 1.5))
     assert isinstance(refused, Rejected)
     assert "separate regions" in refused.reason
     assert "less radius than 0.45 m" in refused.reason

@@ -1,4 +1,5 @@
 import csv
+import dataclasses
 import json
 import shutil
 import subprocess
@@ -25,13 +26,14 @@ from vnav.core import se3
 from vnav.core.frame import Features, Rejected
 from vnav.core.grid import FREE, OCCUPIED, Grid
 from vnav.core.mapping import FrameFeatures, FrameTable, Landmarks, Odometry, OptimisedMap, World
-from vnav.core.places import GOAL, KEEP_OUT
+from vnav.core.places import GOAL, KEEP_OUT, ONE_WAY
 from vnav.errors import MapError, StaleArtifact, VnavError
 from vnav.features.sift import SPACE
 from vnav.io.store.artifacts import save_grid, save_odometry, save_optimised
 from vnav.io.store.map_folder import MapFolder
 from vnav.io.store.places_file import add_place
 from vnav.io.store.records import MappedCapture
+from vnav.planning.costmap import Costmap, costmap
 from vnav.planning.planner import Plan
 from vnav.reporting.plan_picture import plan_figure, write_picture
 from vnav.reporting.plan_text import summary, write_csv
@@ -188,7 +190,7 @@ def test_the_maps_uncertainty_is_inflated_up_to_a_limit() -> None:
 
 def test_a_map_that_is_less_sure_keeps_farther_off(rooms: Path, tmp_path: Path) -> None:
     sure = _ask(rooms, "0,0", "-0.73,0")
-    assert sure.uncertainty_m == pytest.approx(0.005, rel=1e-6)
+    assert sure.costs.uncertainty_m == pytest.approx(0.005, rel=1e-6)
     folder = MapFolder.create(tmp_path / "map")
     with folder.writing("odometry", {}, {}) as draft:
         save_odometry(draft, _odometry())
@@ -198,7 +200,7 @@ def test_a_map_that_is_less_sure_keeps_farther_off(rooms: Path, tmp_path: Path) 
         for name in ("grid.pgm", "grid.yaml", "walked.pgm", "walked.yaml"):
             (draft / name).write_bytes((rooms / "fuse" / name).read_bytes())
     unsure = _ask(folder.root, "0,0", "-0.73,0")
-    assert unsure.uncertainty_m == CONFIG.max_uncertainty_m
+    assert unsure.costs.uncertainty_m == CONFIG.max_uncertainty_m
     assert isinstance(sure.plan, Plan)
     assert isinstance(unsure.plan, Plan)
     # 0.22 m from the wall: far enough for 0.205 m, not for 0.25 m
@@ -210,7 +212,7 @@ def test_json_has_the_documented_fields(rooms: Path) -> None:
     values = json.loads(result.stdout)
     assert list(values) == [
         *("found", "reason", "path_m", "length_m", "clearance_min_m", "walked_m"),
-        *("start", "goal", "via", "expanded", "seconds"),
+        *("start", "goal", "via", "expanded", "narrowest", "seconds"),
     ]
     assert values["found"] is True
     assert values["reason"] is None
@@ -365,10 +367,75 @@ def test_a_keep_out_that_bars_the_way_is_named(named: Path) -> None:
 def test_the_picture_has_the_keep_outs_and_the_places_on_the_way(named: Path) -> None:
     answer = plan(MapFolder(named), "0,0", "desk", CONFIG, _blind, via=["5,-1"])
     axes = plan_figure(answer).axes[0]
-    assert any(np.array_equal(p.get_xy()[:3], answer.keep_out["flowers"]) for p in axes.patches)
+    flowers = answer.costs.zones.keep_out["flowers"]
+    assert any(np.array_equal(p.get_xy()[:3], flowers) for p in axes.patches)
     assert "flowers" in {text.get_text() for text in axes.texts}
     labels = [text.get_text() for text in plan_figure(answer).legends[0].get_texts()]
     assert {"to keep out of", "via"} <= set(labels)
+
+
+def test_a_one_way_is_not_driven_against_and_drawn_with_arrows(named: Path) -> None:
+    gate = np.array([[2.9, -0.1], [3.3, -0.1], [3.3, 1.1], [2.9, 1.1]])
+    add_place(MapFolder(named), "gate", ONE_WAY, gate, np.pi)
+    refused, back = _ask(named, "0,0", "desk"), _ask(named, "desk", "0,0")
+    assert refused.reason.endswith("; the one-way 'gate' is in the way")
+    assert back.found is not None
+    axes = plan_figure(back).axes[0]
+    assert any(np.array_equal(p.get_xy()[:4], gate) for p in axes.patches)
+    arrows = [text for text in axes.texts if getattr(text, "arrow_patch", None)]
+    ways = [np.subtract(arrow.xy, arrow.get_position()) for arrow in arrows]
+    assert any(np.allclose(way[1], 0) and way[0] < 0 for way in ways)
+    labels = [text.get_text() for text in plan_figure(back).legends[0].get_texts()]
+    assert "one way, as the arrows" in labels
+
+
+def test_the_narrowest_place_is_told_and_drawn(rooms: Path) -> None:
+    ask = ("--map", rooms, "--from", "0,0", "--to", "5,0", "--robot-radius", "0.6")
+    values = json.loads(_run(*ask, "--json").stdout)
+    place = values["narrowest"]
+    assert place["width_m"] == pytest.approx(1.0)
+    # 1.2 m, twice the map's 5 mm, and a cell's diagonal
+    assert place["needed_m"] == pytest.approx(1.21 + 0.05 * np.sqrt(2))
+    assert 3.0 < place["at"][0] < 3.2
+    wide = dataclasses.replace(CONFIG, robot_radius_m=0.6)
+    figure = plan_figure(plan(MapFolder.open(rooms), "0,0", "5,0", wide, _blind))
+    drawn = [line.get_xydata() for line in figure.axes[0].lines]
+    assert any(np.allclose(np.sort(line[:, 1]), [0.0, 1.0]) for line in drawn if len(line) == 2)
+    labels = [text.get_text() for text in figure.legends[0].get_texts()]
+    assert "narrowest place, 1.00 m" in labels
+
+
+def test_a_footprint_is_taken_in_place_of_a_radius_and_drawn(rooms: Path) -> None:
+    ask = ("--map", rooms, "--from", "0,0", "--to", "5,0")
+    long = "0.6,0.3 -0.6,0.3 -0.6,-0.3 0.6,-0.3"
+    assert _run(*ask, "--footprint", long).return_value == 0
+    assert _run(*ask, "--set", f"plan.footprint={long}").return_value == 0
+    assert _run(*ask, "--footprint", "0.6,0.6 -0.6,0.6 -0.6,-0.6 0.6,-0.6").return_value == 3
+    # an option comes before a setting
+    assert _run(*ask, "--set", f"plan.footprint={long}", "--robot-radius", "0.6").return_value == 3
+    with pytest.raises(click.UsageError, match="expected --robot-radius or --footprint"):
+        _run(*ask, "--footprint", long, "--robot-radius", "0.2")
+    with pytest.raises(VnavError, match=r"expected plan\.footprint to be three corners"):
+        _run(*ask, "--footprint", "0,0 1,1")
+    config = dataclasses.replace(CONFIG, footprint=long)
+    figure = plan_figure(plan(MapFolder.open(rooms), "0,0", "5,0", config, _blind))
+    assert len([p for p in figure.axes[0].patches if len(p.get_xy()) == 5]) >= 5  # each metre
+
+
+def test_what_a_path_is_planned_on_is_made_once(
+    named: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    made = list[Costmap]()
+
+    def counted(*arguments: Any) -> Costmap:
+        made.append(costmap(*arguments))
+        return made[-1]
+
+    for module in ("vnav.stages.plan", "vnav.planning.costmap", "vnav.planning.remedy"):
+        monkeypatch.setattr(f"{module}.costmap", counted)
+    ask = ("--map", named, "--from", "0,0", "--to", "desk", "--visit", "1,1", "--visit", "5,1")
+    assert _run(*ask, "--png", tmp_path / "path.png").return_value == 0
+    assert len(made) == 1
 
 
 def test_via_is_passed_in_turn_and_told(named: Path) -> None:

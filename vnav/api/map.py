@@ -22,7 +22,7 @@ from vnav.core.arrays import Array
 from vnav.core.frame import Rejected
 from vnav.core.grid import Grid
 from vnav.core.mapping import Landmarks
-from vnav.core.places import GOAL, KEEP_OUT, LostPlace, NamedPlace
+from vnav.core.places import GOAL, KEEP_OUT, ONE_WAY, LostPlace, NamedPlace
 from vnav.core.point_cloud import Mesh, PointCloud
 from vnav.core.progress import Progress, silent
 from vnav.core.trajectory import Trajectory
@@ -194,10 +194,10 @@ class Map:
         A place is x, y in metres of the map's world, a located photo, a photo to be located, the
         name of a goal, or "current": where the last remembered photo was taken. The last yaw of the
         path is where the goal's photo looks. ``via`` are passed in turn, or, in ``any_order``, as
-        is cheapest: 10 at most. The map's keep-outs are kept out of. The robot is
-        described in ``config``, section plan. ``remember`` has the report show the path; what
-        stands against that is in the warnings. MapError where the map has no grid, no current
-        place, or no such goal.
+        is cheapest: 10 at most. The map's keep-outs are kept out of, its one-ways not driven
+        against. The robot is described in ``config``, section plan. ``remember`` has the report
+        show the path; what stands against that is in the warnings. MapError where the map has no
+        grid, no current place, or no such goal.
         """
         from vnav.stages.plan import plan, remember_path
 
@@ -217,7 +217,7 @@ class Map:
         return dataclasses.replace(answer, warnings=tuple(warnings))
 
     def places(self) -> dict[str, NamedPlace | LostPlace]:
-        """Goals and keep-outs by name, where they lie in the map as it is now, or why nowhere."""
+        """Goals, keep-outs and one-ways by name: where they lie in the map now, or why nowhere."""
         from vnav.io.store.places_file import load_places
 
         return load_places(self._folder)
@@ -257,8 +257,21 @@ class Map:
 
         add_place(self._folder, name, KEEP_OUT, np.array(corners, float).reshape(-1, 2))
 
+    def one_way(
+        self, name: str, corners: Sequence[tuple[float, float]], heading_rad: float
+    ) -> None:
+        """Name a polygon of floor, x and y of each corner, that no path crosses against a heading.
+
+        The heading is counted from x towards y. Errors and what it is tied to are as for
+        `keep_out`.
+        """
+        from vnav.io.store.places_file import add_place
+
+        points_m = np.array(corners, float).reshape(-1, 2)
+        add_place(self._folder, name, ONE_WAY, points_m, heading_rad)
+
     def remove_place(self, name: str) -> None:
-        """Forget a goal or a keep-out; MapError where there is none of that name."""
+        """Forget a goal, a keep-out or a one-way; MapError where there is none of that name."""
         from vnav.io.store.places_file import remove_place
 
         remove_place(self._folder, name)

@@ -13,7 +13,7 @@ from vnav.config.registries import (
     SEARCHES,
     TRACKERS,
 )
-from vnav.config.setting import Section, choice, flag, number, section, whole
+from vnav.config.setting import Section, choice, flag, number, outline, section, whole
 from vnav.config.shipped import preset_cameras
 
 
@@ -620,6 +620,11 @@ class PlanConfig(Section, path="plan"):
     """The path and the robot that follows it."""
 
     robot_radius_m: float = number(0.20, "[0, 100]", "m", "radius of the robot, seen from above")
+    footprint: str = outline(
+        "m",
+        "the robot seen from above, in place of its radius: x forward, y left, about the point that"
+        " follows the path",
+    )
     tolerance_m: float = number(
         0.50,
         "[0, 100]",

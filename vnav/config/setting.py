@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any, ClassVar, TypeVar
 
+from vnav.config.outline import Outline
 from vnav.errors import ConfigError
 
 RULES = {"<": (operator.lt, "below"), "<=": (operator.le, "at most")}
@@ -90,7 +91,7 @@ class Setting:
     """What is known of a setting; ``rule`` relates it to another of its section: ``< name``."""
 
     default: Any
-    allowed: Range | Choice
+    allowed: Range | Choice | Outline
     unit: str
     meaning: str
     rule: str = ""
@@ -129,6 +130,11 @@ def flag(default: bool, meaning: str) -> bool:
     """Declare something that is so or not."""
     setting = Setting(default, Choice(lambda: (True, False)), "", meaning)
     return field(default=default, metadata={"setting": setting})
+
+
+def outline(unit: str, meaning: str) -> str:
+    """Declare a polygon round the origin, of which there is none by default."""
+    return field(default="", metadata={"setting": Setting("", Outline(), unit, meaning)})
 
 
 def choice(

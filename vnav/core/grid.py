@@ -49,18 +49,23 @@ class Grid:
         rc = np.asarray(cells)
         return np.asarray(((rc >= 0) & (rc < self.cells.shape)).all(-1))
 
-    def blocked(self, polygons_m: Iterable[ArrayLike]) -> "Grid":
-        """The grid with every cell occupied that a polygon (N, 2) holds or its edges pass through.
+    def touched(self, polygon_m: ArrayLike) -> NDArray[np.bool_]:
+        """Which cells (rows, columns) a polygon (N, 2) holds, or its edges pass through.
 
         What lies inside is told by the even-odd rule, for the cells' centres.
         """
-        inside = np.zeros(self.cells.shape, bool)
+        corners = np.asarray(polygon_m, float)
+        inside = self._holds(corners)
+        along = self.cells_at(_outline(corners, self.resolution_m / 4))
+        inside[tuple(along[self.contains(along)].T)] = True
+        return inside
+
+    def blocked(self, polygons_m: Iterable[ArrayLike]) -> "Grid":
+        """The grid with every cell occupied that one of the polygons (N, 2) touches."""
+        cells = self.cells.copy()
         for polygon in polygons_m:
-            corners = np.asarray(polygon, float)
-            inside |= self._holds(corners)
-            along = self.cells_at(_outline(corners, self.resolution_m / 4))
-            inside[tuple(along[self.contains(along)].T)] = True
-        return replace(self, cells=np.where(inside, np.uint8(OCCUPIED), self.cells))
+            cells[self.touched(polygon)] = OCCUPIED
+        return replace(self, cells=cells)
 
     def _holds(self, corners: NDArray[np.float64]) -> NDArray[np.bool_]:
         """Which centres (rows, columns) have an odd number of edges between them and +x."""

@@ -1,13 +1,17 @@
-"""Places of a map that have a name: goals, and floor to keep out of; each tied to a frame."""
+"""Places of a map that have a name, each tied to a frame.
 
-from dataclasses import dataclass, replace
+They are goals, floor to keep out of, and floor that is crossed one way only.
+"""
+
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from vnav.core import se3
 from vnav.core.arrays import Array, frozen
 
-GOAL, KEEP_OUT = "goal", "keep-out"
+GOAL, KEEP_OUT, ONE_WAY = "goal", "keep-out", "one-way"
 
 
 def point_of(text: str) -> tuple[float, float] | None:
@@ -36,10 +40,10 @@ class Anchor:
 
 @dataclass(frozen=True)
 class NamedPlace:
-    """A goal, one point, or the corners of a polygon to keep out of.
+    """A goal, one point, or the corners of a polygon of floor.
 
     ``points_m`` (N, 2) x and y in the world as it was when ``anchor`` was entered; ``yaw_rad``: how
-    a robot stands at a goal, None where that is open.
+    a robot stands at a goal, None where that is open; the way that a one-way leads.
     """
 
     kind: str
@@ -67,6 +71,49 @@ class NamedPlace:
             yaw_rad=yaw_rad,
             anchor=replace(self.anchor, T_world_camera=T_world_camera),
         )
+
+
+@dataclass(frozen=True)
+class OneWay:
+    """A polygon (N, 2), and the heading that nothing in it moves against."""
+
+    corners_m: Array
+    heading_rad: float
+
+    @property
+    def ahead(self) -> Array:
+        """The heading as a unit vector (2,)."""
+        return np.array([np.cos(self.heading_rad), np.sin(self.heading_rad)])
+
+
+@dataclass(frozen=True)
+class Zones:
+    """Floor that is not free to all, by name: polygons (N, 2) to keep out of, and one-ways."""
+
+    keep_out: Mapping[str, Array] = field(default_factory=dict)
+    one_way: Mapping[str, OneWay] = field(default_factory=dict)
+
+    def kinds(self) -> dict[str, str]:
+        """What each name is."""
+        return {**dict.fromkeys(self.keep_out, KEEP_OUT), **dict.fromkeys(self.one_way, ONE_WAY)}
+
+    def without(self, names: Collection[str]) -> "Zones":
+        """The others."""
+        return Zones(
+            {name: each for name, each in self.keep_out.items() if name not in names},
+            {name: each for name, each in self.one_way.items() if name not in names},
+        )
+
+
+def zones_of(places: Mapping[str, NamedPlace]) -> Zones:
+    """Those of the places that are floor."""
+    keep_out = {name: each.points_m for name, each in places.items() if each.kind == KEEP_OUT}
+    one_way = {
+        name: OneWay(each.points_m, each.yaw_rad or 0.0)
+        for name, each in places.items()
+        if each.kind == ONE_WAY
+    }
+    return Zones(keep_out, one_way)
 
 
 @dataclass(frozen=True)

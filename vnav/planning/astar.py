@@ -15,9 +15,11 @@ from numpy.typing import NDArray
 from vnav.compiled import compiled
 from vnav.core.frame import Rejected
 
+NO_WAY = Rejected("no path joins start and goal")
 UNIT = 256  # what a cell of cost 1 costs
 Cell = tuple[int, int]  # row, column
 Flat = NDArray[np.int32]  # a value or two for each cell, row by row
+Barred = NDArray[np.uint16]  # moves of each cell, or nothing
 Whole = Any  # an integer, or numpy's
 ToGoal = tuple[int, int, int, int]  # row, column, least cost of a straight and a diagonal move
 
@@ -38,7 +40,9 @@ class Route:
     expanded: int
 
 
-def search(costs: NDArray[np.int32], start: Cell, goal: Cell) -> Route | Rejected:
+def search(
+    costs: NDArray[np.int32], start: Cell, goal: Cell, barred: NDArray[np.uint16] | None = None
+) -> Route | Rejected:
     """The cheapest route between two passable cells, Rejected where none joins them.
 
     ``costs`` (rows, columns) int32 says what a cell costs, in units of 1 / UNIT; 0 is blocked. A
@@ -46,20 +50,20 @@ def search(costs: NDArray[np.int32], start: Cell, goal: Cell) -> Route | Rejecte
     (the square root of 2, less 0.01 %), and the two cells beside it must be passable. F is the cost
     from start plus what the rest would cost on an empty grid of the least cost; along a route it
     never falls (the heuristic is consistent), so no cell is expanded twice. A route may cost up to
-    four million cells of cost 1. ValueError where start or goal is blocked.
+    four million cells of cost 1. ``barred`` (rows, columns): moves that are not made, as
+    `lanes.barred_moves` gives them. ValueError where start or goal is blocked.
     """
     if not (costs[start] > 0 and costs[goal] > 0):
         raise ValueError(f"expected passable cells, found {start} or {goal} blocked")
     width = costs.shape[1] + 2
     first, last = (int((r + 1) * width + c + 1) for r, c in (start, goal))
-    rim = np.zeros((costs.shape[0] + 2, width), np.int32)
-    rim[1:-1, 1:-1] = costs
-    padded = rim.ravel()
+    padded = np.pad(costs, 1).ravel()
+    moves = np.zeros(0, np.uint16) if barred is None else np.pad(barred, 1).ravel()
     g, links = np.zeros(padded.size, np.int32), np.empty((padded.size, 2), np.int32)
-    expanded = _search(g, links, padded, width, (first, last))
+    expanded = _search(g, links, padded, moves, width, (first, last))
     if g[last] == 0:
-        return Rejected("no path joins start and goal")
-    nodes = _backtracked(g, padded, width, first, last)
+        return NO_WAY
+    nodes = _backtracked(g, padded, moves, width, first, last)
     cells = np.stack([nodes // width, nodes % width], 1).astype(np.int32) - 1
     return Route(cells, (int(g[last]) - _START) / (2 * UNIT), expanded)
 
@@ -75,10 +79,13 @@ def _extremes(costs: Flat) -> tuple[int, int]:
 
 
 @compiled
-def _search(g: Flat, links: Flat, costs: Flat, width: int, ends: tuple[int, int]) -> int:
+def _search(
+    g: Flat, links: Flat, costs: Flat, barred: Barred, width: int, ends: tuple[int, int]
+) -> int:
     """Enter the cost from start of every cell that may lead to goal; how many were expanded.
 
-    ``g`` (N,) and ``costs`` (N,) are padded grids row by row, ``links`` (N, 2) room for the queue.
+    ``g``, ``costs`` and ``barred`` (N,) are padded grids row by row, ``links`` (N, 2) room for the
+    queue.
     """
     (start, goal), (least, most) = ends, _extremes(costs)
     heads = np.zeros(_power_of_two_above(2 * _across(2 * most)), np.int32)
@@ -104,7 +111,7 @@ def _search(g: Flat, links: Flat, costs: Flat, width: int, ends: tuple[int, int]
                 other = node + dr * width + dc
                 known = np.int64(g[np.uint64(other)])
                 step = cost + costs[np.uint64(other)]
-                if known <= so_far or step == cost:
+                if known <= so_far or step == cost or _is_barred(barred, node, dr, dc):
                     continue
                 if dr != 0 and dc != 0:
                     if not ((up if dr < 0 else down) and (left if dc < 0 else right)):
@@ -122,6 +129,12 @@ def _search(g: Flat, links: Flat, costs: Flat, width: int, ends: tuple[int, int]
                 if other == goal:
                     best = so_far + step
     return expanded
+
+
+@compiled
+def _is_barred(barred: Barred, node: Whole, dr: int, dc: int) -> bool:
+    """Whether a move from a cell is not made; ``barred`` is empty where all are."""
+    return bool(len(barred) > 0 and barred[node] >> (3 * dr + dc + 4) & 1)
 
 
 @compiled
@@ -174,19 +187,23 @@ def _power_of_two_above(value: int) -> int:
 
 
 @compiled
-def _backtracked(g: Flat, costs: Flat, width: int, start: int, goal: int) -> NDArray[np.int64]:
+def _backtracked(
+    g: Flat, costs: Flat, barred: Barred, width: int, start: int, goal: int
+) -> NDArray[np.int64]:
     """Nodes from start to goal, found backwards: which neighbour did each cost come from."""
     nodes = [goal]
     while nodes[-1] != start:
-        nodes.append(_origin(g, costs, width, nodes[-1]))
+        nodes.append(_origin(g, costs, barred, width, nodes[-1]))
     return np.array(nodes[::-1])
 
 
 @compiled
-def _origin(g: Flat, costs: Flat, width: int, node: int) -> int:
+def _origin(g: Flat, costs: Flat, barred: Barred, width: int, node: int) -> int:
     for dr, dc in _MOVES:
         other = node + dr * width + dc
         step = np.int64(costs[node]) + costs[other]
+        if _is_barred(barred, other, -dr, -dc):
+            continue
         if dr != 0 and dc != 0:
             step = _across(step)
             if costs[node + dr * width] == 0 or costs[node + dc] == 0:

@@ -1,24 +1,19 @@
 """A path over a grid from one place to another: claim 5."""
 
-import dataclasses
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from types import MappingProxyType
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from vnav.config import PlanConfig
 from vnav.core.arrays import Array
 from vnav.core.frame import Rejected
-from vnav.core.grid import WALKED, Grid
-from vnav.planning.astar import search
-from vnav.planning.costmap import Costmap, costmap
-from vnav.planning.smoothing import smooth
-from vnav.planning.snapping import Point, SnappedPoint, snap_start_and_goal
-
-NOWHERE: Mapping[str, Array] = MappingProxyType({})  # that polygons bar
+from vnav.core.grid import WALKED
+from vnav.planning.costmap import Costmap
+from vnav.planning.narrowest import NoPath
+from vnav.planning.remedy import why_not
+from vnav.planning.routes import followed, snapped_route
+from vnav.planning.snapping import Point, SnappedPoint, Yaws
 
 
 @dataclass(frozen=True)
@@ -52,56 +47,46 @@ class Plan:
 
 
 def plan_path(
-    grid: Grid,
+    costs: Costmap,
     start: Point,
     goal: Point,
-    config: PlanConfig,
     *,
-    uncertainty_m: float = 0.0,
     final_yaw_rad: float | None = None,
     via: Sequence[Point] = (),
-    keep_out: Mapping[str, Array] = NOWHERE,
-) -> Plan | Rejected:
-    """The cheapest path, smoothed, between two points on the floor; Rejected says why not.
+) -> Plan | NoPath:
+    """The cheapest path, smoothed, between two points on the floor; NoPath says why not.
 
-    ``uncertainty_m`` is how far an obstacle may be from where the grid has it; obstacles are
-    inflated by it, by the robot's radius and by half a cell's diagonal. ``final_yaw_rad`` is the
-    heading at the goal; without one the path's last direction is kept. The path leads over ``via``
-    in turn, the cheapest way to each. What polygons (N, 2) of ``keep_out`` touch is occupied.
+    ``final_yaw_rad`` is the heading at the goal; without one the path's last direction is kept. The
+    path leads over ``via`` in turn, the cheapest way to each.
     """
-    costs = costmap(grid.blocked(keep_out.values()), uncertainty_m, config)
     legs = list[Plan]()
     for number, target in enumerate((*via, goal), 1):
         ends = (legs[-1].goal.snapped if legs else start), target
-        yaw_rad = final_yaw_rad if number > len(via) else None
-        leg = _leg(costs, ends, config, yaw_rad)
+        yaws = (
+            float(legs[-1].poses[-1, 2]) if legs else None,
+            final_yaw_rad if number > len(via) else None,
+        )
+        leg = _leg(costs, ends, yaws, leaves=number <= len(via))
         if isinstance(leg, Rejected):
-            remedy = _remedy(grid, keep_out, ends, uncertainty_m, config)
             where = f"on leg {number} of {len(via) + 1}, " if via else ""
-            return Rejected(where + leg.reason + remedy)
+            return why_not(costs, ends, yaws, where + leg.reason)
         legs.append(leg)
     return _joined(legs)
 
 
 def _leg(
-    costs: Costmap, ends: tuple[Point, Point], config: PlanConfig, final_yaw_rad: float | None
+    costs: Costmap, points: tuple[Point, Point], yaws: Yaws, *, leaves: bool
 ) -> Plan | Rejected:
     """The path from one point to the next, over nothing in between."""
-    grid = costs.grid
-    snapped = snap_start_and_goal(costs, *ends, config.tolerance_m)
-    if isinstance(snapped, Rejected):
-        return snapped
-    first, last = snapped
-    route = search(costs.costs, first.cell, last.cell)
-    if isinstance(route, Rejected):
-        return route
-    inner = grid.centres_of(route.cells[1:-1])
-    points = np.concatenate([[first.snapped], inner, [last.snapped]])
-    path = _smoothed(points, costs) if config.smooth else points
-    poses = _poses(_densified(path, config.spacing_m), final_yaw_rad)
+    found = snapped_route(costs, points, yaws, leaves=leaves)
+    if isinstance(found, Rejected):
+        return found
+    ends, route = found
+    path = followed(costs, route, ends, yaws)
+    poses = _poses(_densified(path, costs.config.spacing_m), yaws)
     clearance_m, walked_m = _along(costs, path)
     length_m = float(np.hypot(*np.diff(path, axis=0).T).sum())
-    return Plan(poses, length_m, clearance_m, first, last, walked_m, route.expanded)
+    return Plan(poses, length_m, clearance_m, *ends, walked_m, route.expanded)
 
 
 def _joined(legs: Sequence[Plan]) -> Plan:
@@ -130,54 +115,6 @@ def heading_rad(T_world_camera: ArrayLike) -> float:
     return float(np.arctan2(ahead[1], ahead[0]))
 
 
-def _remedy(
-    grid: Grid,
-    keep_out: Mapping[str, Array],
-    ends: tuple[Point, Point],
-    uncertainty_m: float,
-    config: PlanConfig,
-) -> str:
-    """What would make a path possible, as the end of a sentence."""
-
-    def is_way(names: Iterable[str], **change: Any) -> bool:
-        barred = grid.blocked(keep_out[name] for name in names)
-        other = costmap(barred, uncertainty_m, dataclasses.replace(config, **change))
-        return not isinstance(snap_start_and_goal(other, *ends, config.tolerance_m), Rejected)
-
-    for name in keep_out:
-        if is_way(keep_out.keys() - {name}):
-            return f"; the keep-out '{name}' is in the way"
-    if keep_out and is_way(()):
-        return f"; several keep-outs are in the way: {', '.join(keep_out)}"
-    for change, advice in (
-        ({"allow_unknown": True}, "; there is a way through unknown space (--allow-unknown)"),
-        (
-            {"robot_radius_m": 0.0},
-            f"; a robot of less radius than {config.robot_radius_m:g} m could do it",
-        ),
-    ):
-        if is_way(keep_out, **change):
-            return advice
-    return ""
-
-
-def _smoothed(points: Array, costs: Costmap) -> Array:
-    """A path through points (K, 2) in metres with rounder corners; its ends stay where they are."""
-    grid = costs.grid
-    path = _in_metres(grid, smooth(_in_cells(grid, points), costs.costs))
-    path[0], path[-1] = points[0], points[-1]
-    return path
-
-
-def _in_cells(grid: Grid, points: Array) -> Array:
-    """Points (K, 2) as column and row, counted from the corner of the first cell."""
-    return (points - grid.origin) / grid.resolution_m
-
-
-def _in_metres(grid: Grid, points: Array) -> Array:
-    return points * grid.resolution_m + grid.origin
-
-
 def _densified(path: Array, spacing_m: float) -> Array:
     """The same path with points at most a spacing apart, none twice; its corners are kept."""
     parts = [path[:1]]
@@ -187,11 +124,15 @@ def _densified(path: Array, spacing_m: float) -> Array:
     return np.concatenate(parts)
 
 
-def _poses(points: Array, final_yaw_rad: float | None) -> Array:
-    """Each point (K, 2) with the direction to the next, the last with the final one."""
+def _poses(points: Array, yaws: Yaws) -> Array:
+    """Each point (K, 2) with the direction to the next, the last with the final one.
+
+    One that is alone keeps the yaw before it, where there is no other.
+    """
     towards = np.diff(points, axis=0)
     yaw = np.arctan2(towards[:, 1], towards[:, 0])
-    last = final_yaw_rad if final_yaw_rad is not None else yaw[-1] if len(yaw) else 0.0
+    before = yaw[-1] if len(yaw) else yaws[0] or 0.0
+    last = before if yaws[1] is None else yaws[1]
     return np.column_stack([points, np.append(yaw, last)])
 
 

@@ -10,6 +10,7 @@ from vnav.core.grid import OCCUPIED, UNKNOWN
 from vnav.planning.costmap import Costmap
 
 Point = tuple[float, float]  # x, y in the world, metres
+Yaws = tuple[float | None, float | None]  # at the start and at the goal, None where it is open
 _BATCH = 4096  # straight lines that are checked together, so that they take little memory
 
 
@@ -33,18 +34,30 @@ class _Candidates:
 
 
 def snap_start_and_goal(
-    costmap: Costmap, start: Point, goal: Point, tolerance_m: float
+    costmap: Costmap,
+    start: Point,
+    goal: Point,
+    tolerance_m: float,
+    yaws: Yaws = (None, None),
+    *,
+    leaves: bool = False,
 ) -> tuple[SnappedPoint, SnappedPoint] | Rejected:
     """The cells nearest to start and goal, both in one region; Rejected where there are none.
 
     A point is moved by ``tolerance_m`` at most, and only where the robot cannot be at it or cannot
-    drive between the two. On the straight way to its new place it may leave the obstacle, the
-    inflated space or the unknown that it lies in, but never enters an obstacle, nor inflated space
-    from outside: a goal is not moved through a wall, nor through a gap too narrow for the robot.
+    drive between the two; to the centre of its cell also where that makes a difference to one-ways
+    or to a footprint. A footprint can stand there with the yaw that ``yaws`` has for it. Where it
+    ``leaves`` the goal again, it is one where it can turn all round, if one is near enough. On the
+    straight way to its new place a point may leave the obstacle, the inflated space or the unknown
+    that it lies in, but never enters an obstacle, nor inflated space from outside: a goal is not
+    moved through a wall, nor through a gap too narrow for the robot.
     """
     candidates = []
-    for name, point in (("start", start), ("goal", goal)):
-        near = _candidates(costmap, point, tolerance_m)
+    for name, point, yaw_rad in zip(("start", "goal"), (start, goal), yaws, strict=True):
+        near = _candidates(costmap, point, tolerance_m, costmap.standable(yaw_rad))
+        if leaves and name == "goal":
+            roomy = _candidates(costmap, point, tolerance_m, costmap.turnable())
+            near = roomy if len(roomy.cells) else near
         if not len(near.cells):
             return Rejected(_no_cell_reason(costmap, name, point, tolerance_m))
         candidates.append(near)
@@ -61,12 +74,20 @@ def snap_start_and_goal(
     return snapped[0], snapped[1]
 
 
-def _candidates(costmap: Costmap, point: Point, tolerance_m: float) -> _Candidates:
+def reachable_cells(costmap: Costmap, point: Point, tolerance_m: float) -> NDArray[np.intp]:
+    """The cells (M, 2) that a start or goal may be moved to, nearest first."""
+    return _candidates(costmap, point, tolerance_m, costmap.standable(None)).cells
+
+
+def _candidates(
+    costmap: Costmap, point: Point, tolerance_m: float, wanted: NDArray[np.bool_]
+) -> _Candidates:
     grid = costmap.grid
-    cells = np.argwhere(costmap.costs > 0)
+    cells = np.argwhere(wanted)
     moved_m = np.hypot(*(grid.centres_of(cells) - point).T)
-    moved_m[(cells == grid.cells_at(point)).all(1)] = 0
-    near = np.flatnonzero(moved_m <= tolerance_m)
+    here = (cells == grid.cells_at(point)).all(1)
+    moved_m[here] *= ~costmap.are_exact(cells[here])
+    near = np.flatnonzero((moved_m <= tolerance_m) | here)
     near = near[np.argsort(moved_m[near], kind="stable")]
     cells, moved_m = cells[near], moved_m[near]
     parts = np.array_split(grid.centres_of(cells), 1 + len(cells) // _BATCH)
@@ -129,6 +150,8 @@ def _state_text(costmap: Costmap, point: Point) -> str:
         return "lies in an obstacle"
     if costmap.inflated[row, column]:
         return f"is {max(costmap.clearance_m[row, column], 0):.2f} m from an obstacle"
+    if costmap.fits is not None and grid.cells[row, column] != UNKNOWN:
+        return "is too near obstacles for the footprint"
     return "lies in unknown space"
 
 

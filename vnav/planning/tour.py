@@ -7,15 +7,15 @@ import numpy as np
 
 from vnav.core.arrays import Array
 from vnav.core.frame import Rejected
-from vnav.planning.astar import search
 from vnav.planning.costmap import Costmap
-from vnav.planning.snapping import Point, snap_start_and_goal
+from vnav.planning.routes import snapped_route
+from vnav.planning.snapping import Point
 
 MOST = 10  # places: time and memory double with each
 
 
 def best_order(
-    costs: Costmap, start: Point, visits: Sequence[Point], goal: Point, tolerance_m: float
+    costs: Costmap, start: Point, visits: Sequence[Point], goal: Point
 ) -> tuple[int, ...]:
     """Rows of ``visits``, which all lie between start and goal, as they are driven to.
 
@@ -25,7 +25,9 @@ def best_order(
     points = (start, *visits, goal)
     between = np.zeros((len(points), len(points)))
     for i, j in combinations(range(len(points)), 2):
-        between[i, j] = between[j, i] = _cost(costs, points[i], points[j], tolerance_m)
+        between[i, j] = between[j, i] = _cost(costs, points[i], points[j])
+        if not costs.is_reversible:
+            between[j, i] = _cost(costs, points[j], points[i])
     return tuple(row - 1 for row in cheapest_order(between))
 
 
@@ -47,10 +49,7 @@ def cheapest_order(between: Array) -> tuple[int, ...]:
     return min(((cost + between[order[-1], -1], order) for cost, order in ends), default=(0, ()))[1]
 
 
-def _cost(costs: Costmap, a: Point, b: Point, tolerance_m: float) -> float:
+def _cost(costs: Costmap, a: Point, b: Point) -> float:
     """Of the way from one point to another, infinite where there is none."""
-    snapped = snap_start_and_goal(costs, a, b, tolerance_m)
-    if isinstance(snapped, Rejected):
-        return np.inf
-    route = search(costs.costs, snapped[0].cell, snapped[1].cell)
-    return np.inf if isinstance(route, Rejected) else route.cost
+    found = snapped_route(costs, (a, b))
+    return np.inf if isinstance(found, Rejected) else found[1].cost

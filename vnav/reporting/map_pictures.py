@@ -1,8 +1,12 @@
 """Pictures of a map from above, in its reports/: trajectory, grid and cloud."""
 
+from collections.abc import Mapping
 from pathlib import Path
+from types import MappingProxyType
+from typing import Any
 
 import numpy as np
+from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
 from matplotlib.colors import to_rgba
@@ -13,17 +17,23 @@ from matplotlib.patches import Patch
 from vnav.core.arrays import Array
 from vnav.core.grid import STATES, UNKNOWN, Grid
 from vnav.core.mapping import LoopVerdict, Odometry
+from vnav.core.places import GOAL, LostPlace, NamedPlace, zones_of
 from vnav.core.point_cloud import PointCloud
 from vnav.io.files import whole_file
 from vnav.io.store.artifacts import load_cloud, load_grid, load_loops, load_odometry, load_optimised
 from vnav.io.store.map_folder import MapFolder
+from vnav.io.store.places_file import load_places
 from vnav.reporting.figures import COLORS, extent_of, grid_image, legend, map_figure
 from vnav.reporting.moving_picture import moving_figure
+from vnav.reporting.zone_picture import draw_goals, draw_zones
 from vnav.volumes.top_view import seen_from_above
 
+NOWHERE: Mapping[str, NamedPlace | LostPlace] = MappingProxyType({})
 FADED = 0.35  # the grid under the trajectory
 MARGIN_M = 0.3  # about the path
 CUT_M = 2.0  # the cloud is drawn up to this height: ceilings would hide the rooms
+START: dict[str, Any] = {"marker": "o", "ms": 12, "mfc": "none", "mew": 2.5, "zorder": 5}
+END: dict[str, Any] = {"marker": "s", "ms": 5, "zorder": 6}  # it shows in the ring of the start
 PIXEL_M = 0.02  # of the cloud's picture
 LONGEST_PX = 1500  # its longest side; larger maps get larger pixels
 
@@ -37,7 +47,7 @@ def draw(folder: MapFolder) -> tuple[Path, ...]:
     odometry, poses = load_odometry(folder), load_optimised(folder).T_world_camera
     figures = {
         "trajectory": trajectory_figure(grid, odometry, poses, load_loops(folder)),
-        "grid": grid_figure(grid),
+        "grid": grid_figure(grid, load_places(folder)),
         "cloud": cloud_figure(load_cloud(folder)),
         "moving": moving_figure(folder, odometry),
     }
@@ -74,8 +84,8 @@ def trajectory_figure(
         Line2D([], [], color="#1e88e5", lw=2, label="camera, frame by frame"),
         Line2D([], [], color="#0d47a1", ls="", marker=".", label=f"keyframes ({len(rows)})"),
         Line2D([], [], color="#8e24aa", lw=1, label=f"accepted loops ({len(ends)})"),
-        Line2D([], [], color="#2e7d32", ls="", marker="o", label="start"),
-        Line2D([], [], color="#e65100", ls="", marker="s", label="end"),
+        Line2D([], [], color="#2e7d32", ls="", **START, label="start"),
+        Line2D([], [], color="#e65100", ls="", **END, label="end"),
     ]
     missing = ~np.isfinite(path[:, 0])
     if missing.any():
@@ -85,21 +95,21 @@ def trajectory_figure(
     return figure
 
 
-def grid_figure(grid: Grid) -> Figure:
-    """The grid, with the area of each state."""
+def grid_figure(grid: Grid, places: Mapping[str, NamedPlace | LostPlace] = NOWHERE) -> Figure:
+    """The grid, with the area of each state, and the places with a name that lie on it."""
     figure, axes = map_figure(extent_of(grid), "Grid")
     axes.imshow(grid_image(grid), origin="lower", extent=extent_of(grid), interpolation="nearest")
-    legend(
-        figure,
-        [
-            Patch(
-                facecolor=COLORS[state],
-                edgecolor="#90a4ae",
-                label=f"{name}, {grid.area_m2(state):.1f} m²",
-            )
-            for name, state in STATES.items()
-        ],
-    )
+    entries: list[Artist] = [
+        Patch(
+            facecolor=COLORS[state],
+            edgecolor="#90a4ae",
+            label=f"{name}, {grid.area_m2(state):.1f} m²",
+        )
+        for name, state in STATES.items()
+    ]
+    placed = {name: place for name, place in places.items() if isinstance(place, NamedPlace)}
+    goals = {name: place for name, place in placed.items() if place.kind == GOAL}
+    legend(figure, [*entries, *draw_zones(axes, zones_of(placed)), *draw_goals(axes, goals)])
     return figure
 
 
@@ -129,5 +139,5 @@ def _draw_path(axes: Axes, path_xy: Array) -> None:
         if after > before + 1:
             axes.plot(*path_xy[[before, after]].T, color="#e53935", lw=1.8, ls=":")
     if len(known):
-        axes.plot(*path_xy[known[0]], "o", color="#2e7d32", ms=7, zorder=5)
-        axes.plot(*path_xy[known[-1]], "s", color="#e65100", ms=6, zorder=5)
+        axes.plot(*path_xy[known[0]], color="#2e7d32", **START)
+        axes.plot(*path_xy[known[-1]], color="#e65100", **END)

@@ -3,7 +3,6 @@
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from matplotlib.artist import Artist
@@ -12,17 +11,23 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch, Polygon
 
+from vnav.config.outline import corners_of
 from vnav.core.arrays import Array
 from vnav.core.frame import Rejected
 from vnav.core.grid import OCCUPIED, UNKNOWN, WALKED
-from vnav.planning.costmap import costmap
+from vnav.planning.narrowest import NarrowPlace
 from vnav.reporting.figures import COLORS, extent_of, grid_image, legend, map_figure, save
+from vnav.reporting.zone_picture import draw_zones
 from vnav.stages.plan import FloorPose, PlanAnswer
 
 INFLATED, PATH = (1.0, 0.88, 0.80), "#1565c0"
-START, GOAL, VIA = ("start", "#2e7d32", "o"), ("goal", "#c62828", "s"), ("via", "#6a1b9a", "D")
-BARRED = "#ffcdd2", "#b71c1c"  # face and edge
+Look = tuple[str, str, str, float]  # name, colour, marker, its size in points
+START: Look = ("start", "#2e7d32", "o", 12)
+GOAL: Look = ("goal", "#c62828", "s", 6)  # it shows on the start where both are at one place
+VIA: Look = ("via", "#6a1b9a", "D", 9)
+NARROW, OUTLINE = "#d500f9", "#455a64"
 ARROW_M = 0.5
+OUTLINES_M = 1.0  # along the path, from one to the next
 
 
 def write_picture(path: Path, answer: PlanAnswer) -> None:
@@ -33,33 +38,39 @@ def write_picture(path: Path, answer: PlanAnswer) -> None:
 def plan_figure(answer: PlanAnswer) -> Figure:
     """The grid with its inflated obstacles, the path, and start and goal with their headings.
 
-    Floor to keep out of is hatched. A place that was moved is drawn hollow where it was asked for.
+    Floor to keep out of is hatched, one-ways have arrows. A place that was moved is drawn hollow
+    where it was asked for. Where there is no path, the place that is too narrow is marked.
     """
-    found = answer.found
-    figure, axes = map_figure(extent_of(answer.grid), "Path" if found else "No path")
-    entries = [*_draw_grid(axes, answer), *_draw_keep_outs(axes, answer)]
+    found, costs = answer.found, answer.costs
+    figure, axes = map_figure(extent_of(costs.grid), "Path" if found else "No path")
+    entries = [*_draw_grid(axes, answer), *draw_zones(axes, costs.zones)]
     if found:
         axes.plot(*found.poses[:, :2].T, color=PATH, lw=2, solid_capstyle="round")
         entries.append(Line2D([], [], color=PATH, lw=2, label=f"path, {found.length_m:.2f} m"))
+        entries += _draw_footprints(axes, costs.config.footprint, found.poses)
+    if answer.narrowest is not None:
+        entries += _draw_narrowest(axes, answer.narrowest)
     start, goal = answer.places
     for look, places in ((START, (start,)), (GOAL, (goal,)), (VIA, answer.via)):
         entries += _draw_places(axes, look, places)
     if found:
         _draw_end(axes, START, found.poses[0])
         _draw_end(axes, GOAL, found.poses[-1])
+        for over in found.via:
+            axes.plot(*over.snapped, VIA[2], color=VIA[1], ms=VIA[3], zorder=5)
     legend(figure, entries)
     return figure
 
 
 def _draw_grid(axes: Axes, answer: PlanAnswer) -> list[Artist]:
     """What the path is planned on; its entries of the legend."""
-    barred = answer.grid.blocked(answer.keep_out.values())
-    costs = costmap(barred, answer.uncertainty_m, answer.config)
-    inflated = costs.inflated & (barred.cells != OCCUPIED)
-    cells = np.where(barred.cells == answer.grid.cells, costs.grid.cells, answer.grid.cells)
-    image = grid_image(replace(costs.grid, cells=cells))
+    costs = answer.costs
+    seen, planned_on = costs.seen.cells, costs.grid.cells
+    is_kept_out = (planned_on == OCCUPIED) & (seen != OCCUPIED)
+    image = grid_image(replace(costs.grid, cells=np.where(is_kept_out, seen, planned_on)))
+    inflated = costs.inflated & (planned_on != OCCUPIED)
     image[inflated] = image[inflated] * INFLATED
-    axes.imshow(image, origin="lower", extent=extent_of(answer.grid), interpolation="nearest")
+    axes.imshow(image, origin="lower", extent=extent_of(costs.grid), interpolation="nearest")
     entries: list[Artist] = [
         Patch(facecolor=COLORS[OCCUPIED], label="occupied"),
         Patch(facecolor=COLORS[UNKNOWN], label="unknown"),
@@ -70,33 +81,44 @@ def _draw_grid(axes: Axes, answer: PlanAnswer) -> list[Artist]:
     return entries
 
 
-def _draw_keep_outs(axes: Axes, answer: PlanAnswer) -> list[Artist]:
-    """Floor to keep out of, with its names."""
-    colors: dict[str, Any] = {"facecolor": BARRED[0], "edgecolor": BARRED[1], "hatch": "//"}
-    for name, corners in answer.keep_out.items():
-        axes.add_patch(Polygon(corners, **colors))
-        x, y = corners.mean(0)
-        label = axes.text(x, y, name, color=BARRED[1], ha="center", va="center", clip_on=True)
-        label.set_parse_math(False)  # a name may have a dollar sign
-    return [Patch(**colors, label="to keep out of")] if answer.keep_out else []
+def _draw_footprints(axes: Axes, footprint: str, poses: Array) -> list[Artist]:
+    """The robot's outline along the path, at its corners and every metre."""
+    if not footprint:
+        return []
+    corners = np.array(corners_of(footprint))
+    gone_m = np.append(0, np.hypot(*np.diff(poses[:, :2], axis=0).T).cumsum())
+    shown = np.unique(
+        [0, *np.searchsorted(gone_m, np.arange(0, gone_m[-1], OUTLINES_M)), len(poses) - 1]
+    )
+    for x, y, yaw in poses[shown]:
+        R = np.array([[np.cos(yaw), -np.sin(yaw)], [np.sin(yaw), np.cos(yaw)]])
+        axes.add_patch(Polygon(corners @ R.T + (x, y), fill=False, ec=OUTLINE, lw=0.8, zorder=3))
+    return [Patch(fill=False, edgecolor=OUTLINE, label="footprint")]
 
 
-def _draw_places(
-    axes: Axes, look: tuple[str, str, str], places: Sequence[FloorPose | Rejected]
-) -> list[Artist]:
+def _draw_narrowest(axes: Axes, place: NarrowPlace) -> list[Artist]:
+    """What is too narrow: from one side to the other, with a ring about it."""
+    ends = place.sides if len(place.sides) == 2 else np.vstack([place.sides, place.at])
+    axes.plot(*ends.T, color=NARROW, lw=2.5, zorder=6, solid_capstyle="butt")
+    axes.plot(*ends.mean(0), "o", color=NARROW, ms=18, mfc="none", mew=1.5, zorder=6)
+    label = f"narrowest place, {np.floor(100 * place.width_m + 1e-6) / 100:.2f} m"
+    return [Line2D([], [], color=NARROW, ls="", marker="o", mfc="none", label=label)]
+
+
+def _draw_places(axes: Axes, look: Look, places: Sequence[FloorPose | Rejected]) -> list[Artist]:
     """Places that were asked for, hollow, as far as they are known."""
-    name, color, marker = look
+    name, color, marker, size = look
     known = [place for place in places if isinstance(place, FloorPose)]
     for place in known:
-        axes.plot(*place.point, marker, color=color, ms=9, mfc="none", mew=1.5, zorder=4)
-    return [Line2D([], [], color=color, ls="", marker=marker, label=name)] if known else []
+        axes.plot(*place.point, marker, color=color, ms=size + 1, mfc="none", mew=1.5, zorder=4)
+    return [Line2D([], [], color=color, ls="", marker=marker, ms=size, label=name)] if known else []
 
 
-def _draw_end(axes: Axes, look: tuple[str, str, str], pose: Array) -> None:
+def _draw_end(axes: Axes, look: Look, pose: Array) -> None:
     """A filled marker, and an arrow the way the robot looks."""
-    _, color, marker = look
+    _, color, marker, size = look
     x, y, yaw = pose
-    axes.plot(x, y, marker, color=color, ms=8, zorder=5)
+    axes.plot(x, y, marker, color=color, ms=size, zorder=5)
     tip = x + ARROW_M * np.cos(yaw), y + ARROW_M * np.sin(yaw)
     style = {"arrowstyle": "-|>", "color": color, "lw": 2, "shrinkA": 0, "shrinkB": 0}
     axes.annotate("", tip, (x, y), arrowprops=style, zorder=5)

@@ -2,8 +2,8 @@
 
 import logging
 import time
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -12,15 +12,15 @@ import numpy as np
 from vnav.config import PlanConfig
 from vnav.core.arrays import Array
 from vnav.core.frame import Rejected
-from vnav.core.grid import Grid
 from vnav.core.mapping import OptimisedMap
 from vnav.core.places import GOAL, point_of
 from vnav.errors import MapError, VnavError
 from vnav.io.store.artifacts import load_grid, load_optimised
 from vnav.io.store.map_folder import MapFolder
-from vnav.io.store.places_file import known_names, load_keep_outs, load_places, require_placed
+from vnav.io.store.places_file import known_names, load_places, load_zones, require_placed
 from vnav.io.store.records import PoseNote, is_kind
 from vnav.planning.costmap import Costmap, costmap
+from vnav.planning.narrowest import NarrowPlace, NoPath
 from vnav.planning.planner import Plan, heading_rad, plan_path
 from vnav.planning.snapping import Point, SnappedPoint
 from vnav.planning.tour import MOST, best_order
@@ -45,20 +45,16 @@ class FloorPose:
 class PlanAnswer:
     """A path, or why there is none; ``places`` are start and goal as far as they are known.
 
-    ``via``: the places that it leads over, ``order``: which of those asked for each is;
-    ``keep_out``: corners (N, 2) of polygons, by name.
-    ``warnings`` say what is doubtful about the photos' camera.
+    ``via``: the places that it leads over, ``order``: which of those asked for each is; ``costs``:
+    what it was planned on. ``warnings`` say what is doubtful about the photos' camera.
     """
 
     plan: Plan | Rejected
     places: tuple[FloorPose | Rejected, FloorPose | Rejected]
-    grid: Grid
-    uncertainty_m: float
-    config: PlanConfig
+    costs: Costmap
     seconds: dict[str, float]
     warnings: tuple[str, ...] = ()
     via: tuple[FloorPose | Rejected, ...] = ()
-    keep_out: Mapping[str, Array] = field(default_factory=dict)
     order: tuple[int, ...] = ()
 
     @property
@@ -70,6 +66,11 @@ class PlanAnswer:
     def reason(self) -> str:
         """Why there is none, empty where there is one."""
         return self.plan.reason if isinstance(self.plan, Rejected) else ""
+
+    @property
+    def narrowest(self) -> NarrowPlace | None:
+        """Where the widest way is too narrow, if that is why there is no path."""
+        return self.plan.narrowest if isinstance(self.plan, NoPath) else None
 
     def as_dict(self) -> dict[str, Any]:
         """Plain values for JSON; null for what is not known."""
@@ -89,6 +90,7 @@ class PlanAnswer:
             "goal": goal,
             "via": [_plain(*each) for each in zip(self.via, over, strict=True)],
             "expanded": plan.expanded if plan else None,
+            "narrowest": _plain_place(self.narrowest),
             "seconds": self.seconds,
         }
 
@@ -107,28 +109,27 @@ def plan(
 
     ``current`` is the pose of this map's last located photo, which is left as it is. The last yaw
     of the path is where the goal's photo looks, or that of a goal with a name. The map's keep-outs
-    are kept out of. ``via`` are passed in turn, or in the cheapest order where ``any_order`` is
-    right. MapError where the map has no grid, no current pose or no such name; whatever ``locate``
-    raises for a photo that cannot be read.
+    are kept out of, and its one-ways are not driven against. ``via`` are passed in turn, or in the
+    cheapest order where ``any_order`` is right. MapError where the map has no grid, no current pose
+    or no such name; whatever ``locate`` raises for a photo that cannot be read.
     """
     clock = [time.monotonic()]
-    grid, keep_out = load_grid(folder), load_keep_outs(folder)
+    grid, zones = load_grid(folder), load_zones(folder)
     uncertainty_m = min(map_uncertainty_m(load_optimised(folder)), config.max_uncertainty_m)
     clock.append(time.monotonic())
     first, *between, last = (_floor_pose(folder, p, locate) for p in (start, *via, goal))
     clock.append(time.monotonic())
+    costs = costmap(grid, uncertainty_m, config, zones)
     order = tuple(range(len(between)))
     if any_order:
-        costs = costmap(grid.blocked(keep_out.values()), uncertainty_m, config)
-        order = _cheapest_order(costs, (first, *between, last), config)
+        order = _cheapest_order(costs, (first, *between, last))
     between = [between[k] for k in order]
-    found = _plan_over((first, *between, last), grid, keep_out, uncertainty_m, config)
+    found = _plan_over(costs, (first, *between, last))
     clock.append(time.monotonic())
     spent = np.round(np.diff(clock), 3).tolist()
     seconds = dict(zip(("load", "locate", "plan"), spent, strict=True))
     log.info(found.reason if isinstance(found, Rejected) else f"a path of {found.length_m:.2f} m")
-    ends, over = (first, last), tuple(between)
-    return PlanAnswer(found, ends, grid, uncertainty_m, config, seconds, (), over, keep_out, order)
+    return PlanAnswer(found, (first, last), costs, seconds, (), tuple(between), order)
 
 
 def remember_path(folder: MapFolder, answer: PlanAnswer) -> str | None:
@@ -212,9 +213,7 @@ def _seen_from(T_world_camera: Array) -> FloorPose:
     return FloorPose((x, y), heading_rad(T_world_camera))
 
 
-def _cheapest_order(
-    costs: Costmap, places: Sequence[FloorPose | Rejected], config: PlanConfig
-) -> tuple[int, ...]:
+def _cheapest_order(costs: Costmap, places: Sequence[FloorPose | Rejected]) -> tuple[int, ...]:
     """How places between the first and the last are visited; as they are, where one is unknown."""
     if len(places) - 2 > MOST:
         raise VnavError(f"expected {MOST} places to visit at most, found {len(places) - 2}")
@@ -222,16 +221,10 @@ def _cheapest_order(
     if len(points) < len(places):
         return tuple(range(len(places) - 2))
     start, *visits, goal = points
-    return best_order(costs, start, visits, goal, config.tolerance_m)
+    return best_order(costs, start, visits, goal)
 
 
-def _plan_over(
-    places: Sequence[FloorPose | Rejected],
-    grid: Grid,
-    keep_out: Mapping[str, Array],
-    uncertainty_m: float,
-    config: PlanConfig,
-) -> Plan | Rejected:
+def _plan_over(costs: Costmap, places: Sequence[FloorPose | Rejected]) -> Plan | Rejected:
     """The path from the first place over the others to the last; why there is none."""
     known = list[FloorPose]()
     for place in places:
@@ -239,16 +232,14 @@ def _plan_over(
             return place
         known.append(place)
     start, *via, goal = known
-    return plan_path(
-        grid,
-        start.point,
-        goal.point,
-        config,
-        uncertainty_m=uncertainty_m,
-        final_yaw_rad=goal.yaw_rad,
-        via=[each.point for each in via],
-        keep_out=keep_out,
-    )
+    over = [each.point for each in via]
+    return plan_path(costs, start.point, goal.point, final_yaw_rad=goal.yaw_rad, via=over)
+
+
+def _plain_place(place: NarrowPlace | None) -> dict[str, Any] | None:
+    if place is None:
+        return None
+    return {"at": list(place.at), "width_m": place.width_m, "needed_m": place.needed_m}
 
 
 def _plain(place: FloorPose | Rejected, point: SnappedPoint | None) -> dict[str, Any]:

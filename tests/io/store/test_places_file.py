@@ -8,15 +8,15 @@ import numpy as np
 import pytest
 
 from vnav.core import se3
-from vnav.core.places import GOAL, KEEP_OUT, LostPlace, NamedPlace
+from vnav.core.places import GOAL, KEEP_OUT, ONE_WAY, LostPlace, NamedPlace
 from vnav.errors import MapError
 from vnav.io.store.artifacts import load_optimised, save_optimised
 from vnav.io.store.map_folder import MapFolder
 from vnav.io.store.places_file import (
     NAME,
     add_place,
-    load_keep_outs,
     load_places,
+    load_zones,
     remove_place,
 )
 from vnav.io.store.replacement import replacing
@@ -53,7 +53,7 @@ def test_what_is_named_is_found_again_exactly_and_in_order(place_map: MapFolder)
     assert list(load_places(place_map)) == ["stairs", "desk"]
     np.testing.assert_array_equal(_placed(place_map, "desk").points_m, DESK)
     assert _placed(place_map, "desk").yaw_rad == 0.1
-    np.testing.assert_array_equal(load_keep_outs(place_map)["stairs"], STAIRS)
+    np.testing.assert_array_equal(load_zones(place_map).keep_out["stairs"], STAIRS)
 
 
 def test_a_place_is_tied_to_the_nearest_keyframe(place_map: MapFolder) -> None:
@@ -67,24 +67,31 @@ def test_a_place_is_tied_to_the_nearest_keyframe(place_map: MapFolder) -> None:
 def test_a_place_moves_with_its_frame(place_map: MapFolder) -> None:
     add_place(place_map, "desk", GOAL, DESK, 0.1)
     add_place(place_map, "stairs", KEEP_OUT, STAIRS)
+    add_place(place_map, "aisle", ONE_WAY, STAIRS, 3.0)
     T = se3.make(se3.exp_so3([0, 0, 0.5]), [2.0, -1.0, 0.0])
     _moved(place_map, T)
     turned = np.array([[np.cos(0.5), -np.sin(0.5)], [np.sin(0.5), np.cos(0.5)]])
-    for name, points_m in (("desk", DESK), ("stairs", STAIRS)):
+    for name, points_m in (("desk", DESK), ("stairs", STAIRS), ("aisle", STAIRS)):
         wanted = points_m @ turned.T + [2.0, -1.0]
         np.testing.assert_allclose(_placed(place_map, name).points_m, wanted, atol=1e-9)
     assert _placed(place_map, "desk").yaw_rad == pytest.approx(0.6)
+    aisle = load_zones(place_map).one_way["aisle"]
+    np.testing.assert_allclose(aisle.ahead, [np.cos(3.5), np.sin(3.5)], atol=1e-9)
+    assert list(load_zones(place_map).keep_out) == ["stairs"]
 
 
-def test_a_place_whose_frame_is_lost_says_so_and_is_not_guessed(place_map: MapFolder) -> None:
-    add_place(place_map, "stairs", KEEP_OUT, STAIRS)
+@pytest.mark.parametrize("kind", [KEEP_OUT, ONE_WAY])
+def test_a_place_whose_frame_is_lost_says_so_and_is_not_guessed(
+    place_map: MapFolder, kind: str
+) -> None:
+    add_place(place_map, "stairs", kind, STAIRS, 0.5 if kind == ONE_WAY else None)
     frame = _placed(place_map, "stairs").anchor.frame
     _moved(place_map, np.eye(4), lost=(frame,))
     place = load_places(place_map)["stairs"]
     assert isinstance(place, LostPlace)
     assert f"frame {frame}" in place.reason
-    with pytest.raises(MapError, match="the keep-out 'stairs'.* remove stairs' and name it anew"):
-        load_keep_outs(place_map)
+    with pytest.raises(MapError, match=f"the {kind} 'stairs'.* remove stairs' and name it anew"):
+        load_zones(place_map)
 
 
 def test_a_place_of_a_capture_that_is_not_in_the_map_is_lost(place_map: MapFolder) -> None:
@@ -118,9 +125,18 @@ def test_any_printable_name_is_kept(place_map: MapFolder, name: str) -> None:
     assert list(load_places(place_map)) == [name]
 
 
-def test_two_corners_are_no_polygon(place_map: MapFolder) -> None:
+@pytest.mark.parametrize("kind", [KEEP_OUT, ONE_WAY])
+def test_two_corners_are_no_polygon(place_map: MapFolder, kind: str) -> None:
     with pytest.raises(MapError, match="expected a polygon of 3 corners"):
-        add_place(place_map, "line", KEEP_OUT, STAIRS[:2])
+        add_place(place_map, "line", kind, STAIRS[:2], 0.5)
+
+
+def test_a_one_way_without_the_way_that_it_leads_is_refused(place_map: MapFolder) -> None:
+    add_place(place_map, "aisle", ONE_WAY, STAIRS, 0.5)
+    path = place_map.root / NAME
+    path.write_text(path.read_text("utf-8").replace("yaw_rad = 0.5\n", ""), "utf-8")
+    with pytest.raises(MapError, match="found: no yaw_rad of the one-way 'aisle'"):
+        load_places(place_map)
 
 
 @pytest.mark.parametrize(

@@ -20,7 +20,7 @@ from vnav.io.formats.ply import write_cloud, write_obj
 from vnav.io.formats.transforms import DEPTH_UNITS_PER_METRE, write_transforms
 from vnav.io.store.artifacts import load_cloud, load_grid, load_keyframe_depth, load_mesh
 from vnav.io.store.map_folder import MapFolder
-from vnav.io.store.places_file import load_keep_outs
+from vnav.io.store.places_file import load_zones
 from vnav.io.store.posed_keyframes import load_posed_keyframes
 
 MOST_M = 1e5  # from the origin
@@ -69,7 +69,7 @@ def keepout(folder: MapFolder, out: Path) -> list[Path]:
     """A mask as large as the grid, occupied where the map's keep-outs are and free elsewhere."""
     grid = load_grid(folder)
     nothing = replace(grid, cells=np.full_like(grid.cells, FREE))
-    write_keepout(out, nothing.blocked(load_keep_outs(folder).values()))
+    write_keepout(out, nothing.blocked(load_zones(folder).keep_out.values()))
     return [out / "keepout.pgm", out / "keepout.yaml"]
 
 

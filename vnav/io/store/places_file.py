@@ -14,7 +14,15 @@ import numpy as np
 
 from vnav.core import se3
 from vnav.core.arrays import Array
-from vnav.core.places import GOAL, KEEP_OUT, Anchor, LostPlace, NamedPlace
+from vnav.core.places import (
+    GOAL,
+    ONE_WAY,
+    Anchor,
+    LostPlace,
+    NamedPlace,
+    Zones,
+    zones_of,
+)
 from vnav.errors import MapError
 from vnav.io.files import read_toml, write_text
 from vnav.io.store.artifacts import load_frame_table, load_odometry, load_optimised
@@ -31,7 +39,7 @@ MOST_M = 1e4  # no place lies farther from the origin
 class PlaceTable(msgspec.Struct, forbid_unknown_fields=True):
     """One table of the file; its header is the name."""
 
-    kind: Literal["goal", "keep-out"]
+    kind: Literal["goal", "keep-out", "one-way"]
     points_m: list[tuple[float, float]]
     capture: str
     frame: int
@@ -73,16 +81,16 @@ def require_placed(folder: MapFolder, name: str, place: NamedPlace | LostPlace) 
     return place
 
 
-def load_keep_outs(folder: MapFolder) -> dict[str, Array]:
-    """The corners (N, 2) of each polygon to keep out of; MapError where one lies nowhere."""
-    places = ((n, p) for n, p in load_places(folder).items() if p.kind == KEEP_OUT)
-    return {name: require_placed(folder, name, place).points_m for name, place in places}
+def load_zones(folder: MapFolder) -> Zones:
+    """What is kept out of or crossed one way only; MapError where one of these lies nowhere."""
+    floor = {name: place for name, place in load_places(folder).items() if place.kind != GOAL}
+    return zones_of({name: require_placed(folder, name, place) for name, place in floor.items()})
 
 
 def add_place(
     folder: MapFolder, name: str, kind: str, points_m: Array, yaw_rad: float | None = None
 ) -> None:
-    """Name a goal or a polygon (N, 2) to keep out of, tied to the keyframe that is nearest.
+    """Name a goal or a polygon (N, 2) of floor, tied to the keyframe that is nearest.
 
     MapError where the name is taken or none that can be, or the map cannot be written.
     """
@@ -121,7 +129,7 @@ def _require_usable(name: str, kind: str, points_m: Array) -> None:
             f"expected a name of 1 to {LONGEST} printable characters other than 'current', found"
             f" {name[:LONGEST]!r}"
         )
-    if kind == KEEP_OUT and len(points_m) < CORNERS:
+    if kind != GOAL and len(points_m) < CORNERS:
         raise MapError(
             f"expected a polygon of {CORNERS} corners X,Y or more, found {len(points_m)}"
         )
@@ -160,6 +168,8 @@ def _place(name: str, table: PlaceTable) -> NamedPlace:
     numbers = [*points_m.ravel(), *T_world_frame.ravel(), table.yaw_rad or 0.0]
     if len(points_m) != count or not all(abs(each) < MOST_M for each in numbers):
         raise ValueError(f"{len(points_m)} points of the {table.kind} '{name}', or endless numbers")
+    if table.kind == ONE_WAY and table.yaw_rad is None:
+        raise ValueError(f"no yaw_rad of the one-way '{name}', which is the way that it leads")
     if not se3.is_rigid(T_world_frame):
         raise ValueError(f"T_world_frame of '{name}', which is no pose")
     anchor = Anchor(table.capture, table.frame, T_world_frame)
