@@ -65,6 +65,21 @@ def test_a_ray_that_passed_high_up_frees_nothing() -> None:
     assert _state((0, 0, 20, False)) == UNKNOWN
 
 
+def test_where_one_sees_below_the_floor_it_drops_and_that_is_occupied() -> None:
+    assert _state((0, 0, 1, False), (0, 0, -3, False)) == OCCUPIED  # layer -3 is 0.125 m deep
+    assert _state((0, 0, 1, False), (0, 0, -2, False)) == FREE  # as deep as noise
+    assert _state((0, 0, 1, False), (0, 0, -6, False)) == FREE  # below the slab: a room there
+
+
+def test_floor_that_was_seen_does_not_drop_however_deep_a_ray_went() -> None:
+    assert _state((0, 0, -1, True), (0, 0, -3, False)) == FREE
+
+
+def test_depths_beside_all_floor_are_no_part_of_the_grid() -> None:
+    grid = _grid((0, 0, 0, True), (1, 0, 0, True), (-3, 0, -5, False), (4, 2, -5, False))
+    assert grid.cells.tolist() == [[FREE, FREE]]
+
+
 def test_what_lies_far_below_the_floor_is_no_floor() -> None:
     assert _state((0, 0, -5, True)) == UNKNOWN
 

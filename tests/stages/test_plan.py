@@ -29,7 +29,7 @@ from vnav.core.mapping import FrameFeatures, FrameTable, Landmarks, Odometry, Op
 from vnav.core.places import GOAL, KEEP_OUT, ONE_WAY
 from vnav.errors import MapError, StaleArtifact, VnavError
 from vnav.features.sift import SPACE
-from vnav.io.store.artifacts import save_grid, save_odometry, save_optimised
+from vnav.io.store.artifacts import load_grid, save_grid, save_odometry, save_optimised
 from vnav.io.store.map_folder import MapFolder
 from vnav.io.store.places_file import add_place
 from vnav.io.store.records import MappedCapture
@@ -163,6 +163,31 @@ def test_a_photo_that_is_not_located_gives_no_path_but_the_reason(
     assert values["reason"] == "the photo a.jpg was not located: too few matches"
     assert values["path_m"] == []
     assert None in (values["start"]["asked"], values["goal"]["asked"])
+
+
+@pytest.mark.parametrize(("climbed_m", "where"), [(2.7, "3.9 m above"), (-2.7, "1.5 m below")])
+def test_a_photo_of_another_storey_gives_no_path_but_says_so(
+    rooms: Path, climbed_m: float, where: str
+) -> None:
+    elsewhere = _camera_at(2, 2, 0)
+    elsewhere[2, 3] += climbed_m
+    answer = plan(MapFolder.open(rooms), "0,0", "goal.jpg", CONFIG, lambda _: elsewhere)
+    assert answer.found is None
+    assert answer.reason.startswith(f"the photo goal.jpg was taken on another storey, {where} the")
+    assert "--set fuse.floor_m=" in answer.reason
+
+
+def test_a_photo_of_the_storey_that_the_grid_is_of_gives_a_path(
+    rooms: Path, tmp_path: Path
+) -> None:
+    shutil.copytree(rooms, tmp_path / "upstairs")
+    folder = MapFolder.open(tmp_path / "upstairs")
+    grid, settings = load_grid(folder), {"fuse": {"floor_m": 2.7}}
+    with folder.writing("fuse", settings, folder.inputs_of("optimise")) as draft:
+        save_grid(draft, grid)
+    elsewhere = _camera_at(2, 2, 0)
+    elsewhere[2, 3] += 2.7
+    assert plan(folder, "0,0", "goal.jpg", CONFIG, lambda _: elsewhere).found is not None
 
 
 def test_without_a_located_photo_current_is_an_error_that_says_what_to_do(tmp_path: Path) -> None:

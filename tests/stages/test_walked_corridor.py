@@ -120,8 +120,8 @@ def test_a_path_from_there_is_found_clear_of_the_box(
     assert isinstance(answer.plan, Plan)
     assert answer.plan.start.moved_m == 0
     assert 1.2 < answer.plan.walked_m < answer.plan.length_m - 0.5
-    row, column = answer.grid.cells_at(answer.plan.poses[:, :2]).T
-    assert set(answer.grid.cells[row, column].tolist()) == {FREE, WALKED}
+    row, column = answer.costs.grid.cells_at(answer.plan.poses[:, :2]).T
+    assert set(answer.costs.grid.cells[row, column].tolist()) == {FREE, WALKED}
     assert true_clearance_m[row, column].min() > PlanConfig().robot_radius_m - 0.05  # a cell
 
 

@@ -237,6 +237,7 @@ class Map:
         """
         from vnav.io.store.places_file import add_place
         from vnav.planning.planner import heading_rad
+        from vnav.stages.plan import elsewhere
 
         if isinstance(place, tuple):
             return add_place(self._folder, name, GOAL, np.array([place], float))
@@ -245,6 +246,9 @@ class Map:
         T_world_camera = place.T_world_camera
         if T_world_camera is None:
             raise PhotoError(f"expected a photo that shows the map, found none: {place.reason}")
+        reason = elsewhere(self._folder, T_world_camera)
+        if reason:
+            raise PhotoError(f"expected a photo of where the grid is, found one that {reason}")
         point = T_world_camera[None, :2, 3]
         return add_place(self._folder, name, GOAL, point, heading_rad(T_world_camera))
 

@@ -499,6 +499,12 @@ class FuseConfig(Section, path="fuse"):
         "so many must see through a place, after the last that saw something there, for that to"
         " have departed; 0: nothing departs",
     )
+    floor_m: float = number(
+        0.0,
+        "[-1000, 1000]",
+        "m",
+        "height of the floor that the grid is of, where a map has several storeys",
+    )
     obstacle_min_m: float = number(
         0.10,
         "[0, 100]",

@@ -10,7 +10,8 @@ BAND_M = 0.04  # half the thickness of what counts as one plane
 BELOW_M = 0.15  # what lies deeper than this lies under the plane
 MAX_BELOW = 0.02  # share of the surface that may lie under a floor: reflections, noise
 MIN_SUPPORT = 0.02  # share of the surface that must lie on it
-HEIGHTS_M = (0.15, 3.0)  # of the cameras above a floor
+HEIGHTS_M = (0.15, 3.0)  # above a floor of the cameras on it
+LOWEST = 0.1  # share of the cameras that are on it at least; a stair may lead to others
 STEADY = 0.7  # length of the mean of a floor's normals in all cameras; a wall's turns about
 UPRIGHT = 0.25  # of it across the optical axis: the cameras do not look straight down
 HYPOTHESES = 500
@@ -55,7 +56,7 @@ def _floor_score(surface: Surface, up: Array, point: Array, T_any_camera: Array)
     height = float(point @ up)
     above = T_any_camera[:, :3, 3] @ up - height
     offset = surface.points @ up - height
-    if not HEIGHTS_M[0] < np.median(above) < HEIGHTS_M[1] or above.min() < 0:
+    if not HEIGHTS_M[0] < np.quantile(above, LOWEST) < HEIGHTS_M[1] or above.min() < 0:
         return 0.0
     support = float(_members(surface, up, height).mean())
     if support < MIN_SUPPORT or (offset < -BELOW_M).mean() > MAX_BELOW:

@@ -9,6 +9,7 @@ from vnav.core.grid import FREE, OCCUPIED, UNKNOWN, Grid
 from vnav.errors import MapError
 
 _ROUNDING_M = 1e-6  # heights that differ by less are the same
+_SLAB_M = 0.10  # below the least drop: what is free deeper may be the storey below
 
 
 def project(
@@ -17,10 +18,11 @@ def project(
     """The grid of cells that a robot on the floor at z = 0 can, cannot, or may not drive on.
 
     A cell is occupied where an occupied voxel lies between ``obstacle_min_m`` and
-    ``robot_height_m``; else free where floor (occupied, about z = 0) or a free voxel was seen
-    within ``free_height_m``; else unknown. A voxel that straddles the lower limit counts where its
-    centre lies above, so that the floor and its noise stay floor; at the upper limit one that
-    touches it counts, since that surface may be as near as the limit.
+    ``robot_height_m``, and where the floor drops: one sees deeper than ``obstacle_min_m``, and no
+    floor; else free where floor (occupied, about z = 0) or a free voxel was seen within
+    ``free_height_m``; else unknown. A voxel that straddles the lower limit counts where its centre
+    lies above, so that the floor and its noise stay floor; at the upper limit one that touches it
+    counts, since that surface may be as near as the limit.
 
     Parameters
     ----------
@@ -54,12 +56,21 @@ def project(
             f" found none in {len(voxels)} leaves; see with 'vnav info' whether depth was fused and"
             " the floor was found"
         )
+    lip = -config.obstacle_min_m - _ROUNDING_M
+    deep = ~occupied & (low < lip) & (high > lip - _SLAB_M)
     first, last = _footprints(voxels, size, config.octree_m)
     corner = first[obstacle | floor].min(0)
     shape = last[obstacle | floor].max(0) - corner
+
+    def holding(leaves: NDArray[np.bool_]) -> NDArray[np.bool_]:
+        """Which cells hold any of these leaves."""
+        begin, end = (np.clip(edges[leaves] - corner, 0, shape) for edges in (first, last))
+        return _covered(begin, end, shape)
+
+    drop = holding(deep) & ~holding(floor & occupied)
     cells = np.full((shape[1], shape[0]), UNKNOWN, np.uint8)
-    cells[_covered(first[floor] - corner, last[floor] - corner, shape)] = FREE
-    cells[_covered(first[obstacle] - corner, last[obstacle] - corner, shape)] = OCCUPIED
+    cells[holding(floor)] = FREE
+    cells[holding(obstacle) | drop & holding(floor)] = OCCUPIED
     x, y = (float(c) for c in np.round(corner * config.octree_m, 9))
     return Grid((x, y), config.octree_m, cells)
 

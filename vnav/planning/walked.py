@@ -57,7 +57,8 @@ def _way(path: Array, spacing_m: float) -> tuple[Array, NDArray[np.bool_]]:
         return np.zeros((0, 2)), np.zeros(0, bool)
     height_m = path[:, 2]
     on_foot = (height_m > 0) & (height_m <= REACH_M)
-    on_foot &= np.abs(height_m - np.median(height_m)) <= SAME_FLOOR_M
+    usual_m = np.median(height_m[on_foot]) if on_foot.any() else 0.0
+    on_foot &= np.abs(height_m - usual_m) <= SAME_FLOOR_M
     steps_m = np.hypot(*np.diff(path[:, :2], axis=0).T)
     steady = on_foot[1:] & on_foot[:-1] & (steps_m <= STRIDE_M)
     counts = np.ceil(steps_m / spacing_m).astype(np.intp) + 1

@@ -1,7 +1,8 @@
 """The kept frames' depth made one cloud, octree, mesh and grid: claim 3, S8, and claim 5, 3.1."""
 
+import dataclasses
 import os
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
@@ -10,7 +11,7 @@ from numpy.typing import NDArray
 
 from vnav.config import Config, FuseConfig
 from vnav.core import se3
-from vnav.core.arrays import Array
+from vnav.core.arrays import Array, Floats
 from vnav.core.grid import FREE, STATES, Grid
 from vnav.core.mapping import Landmarks, World
 from vnav.core.progress import Progress, silent
@@ -32,6 +33,7 @@ from vnav.io.store.map_folder import MapFolder
 from vnav.io.store.stage_reports import clock, finished, reused, settings_of
 from vnav.optimisation.camera_motion import velocities
 from vnav.planning.projection import project
+from vnav.planning.storeys import other_floor
 from vnav.planning.walked import add_walked
 from vnav.threads import one_blas_thread
 from vnav.volumes.departed import DepthHistory, SeenDepth, seen_depth
@@ -60,9 +62,8 @@ def run(folder: MapFolder, config: Config, *, progress: Progress = silent) -> Re
     fused = fuse(views, history, config.fuse, progress)
     landmarks_departed = views.departed(optimised.landmarks, history)
     leaves = _leaves(fused.octree, config.fuse)
-    grid = project(leaves.centres_world, leaves.occupied, leaves.size_m, config.fuse)
     walks = [] if optimised.world.doubt else views.walks()
-    grid = add_walked(grid, walks, fused.cloud.points_world, config.fuse)
+    grid = _grid(leaves, walks, fused.cloud.points_world, config.fuse)
 
     with folder.writing(STAGE, settings, inputs) as draft:
         write_cloud(draft / "cloud.ply", fused.cloud)
@@ -72,7 +73,10 @@ def run(folder: MapFolder, config: Config, *, progress: Progress = silent) -> Re
         save_grid(draft, grid)
         save_departed(draft, landmarks_departed)
 
-    return finished(folder, _report(fused, leaves, grid, optimised.world, views), started)
+    report = _report(fused, leaves, grid, optimised.world, views)
+    beside = _other_storey(walks, fused.cloud.points_world, config.fuse)
+    report = dataclasses.replace(report, warnings=(*report.warnings, *beside))
+    return finished(folder, report, started)
 
 
 class PosedFrames:
@@ -141,6 +145,29 @@ def _leaves(octree: Octree, config: FuseConfig) -> Leaves:
             " with --set fuse.max_range_m=..."
         )
     return leaves
+
+
+def _grid(leaves: Leaves, walks: Sequence[Array], points_world: Floats, config: FuseConfig) -> Grid:
+    """The grid of the floor at ``floor_m``, with what was walked there."""
+    down = np.array([0.0, 0.0, -config.floor_m])
+    grid = project(leaves.centres_world + down, leaves.occupied, leaves.size_m, config)
+    points = points_world + down.astype(np.float32)
+    return add_walked(grid, [walk + down for walk in walks], points, config)
+
+
+def _other_storey(
+    walks: Sequence[Array], points_world: Floats, config: FuseConfig
+) -> tuple[str, ...]:
+    """A warning where cameras were carried over another floor than the grid's."""
+    cameras = np.concatenate([np.zeros((0, 3)), *walks])
+    floor_m = other_floor(cameras, points_world, config.floor_m)
+    if floor_m is None:
+        return ()
+    return (
+        f"there is another storey, its floor at {floor_m:.2f} m: the grid is of the floor at"
+        f" {config.floor_m:g} m; for a grid of the other, run 'vnav fuse' with --set"
+        f" fuse.floor_m={floor_m:.2f}",
+    )
 
 
 def _report(

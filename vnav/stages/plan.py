@@ -23,6 +23,7 @@ from vnav.planning.costmap import Costmap, costmap
 from vnav.planning.narrowest import NarrowPlace, NoPath
 from vnav.planning.planner import Plan, heading_rad, plan_path
 from vnav.planning.snapping import Point, SnappedPoint
+from vnav.planning.storeys import is_over_floor
 from vnav.planning.tour import MOST, best_order
 
 log = logging.getLogger(__name__)
@@ -164,9 +165,9 @@ def _floor_pose(folder: MapFolder, place: Place, locate: Locate) -> FloorPose | 
     if isinstance(place, tuple):
         return FloorPose(place)
     if isinstance(place, np.ndarray):
-        return _seen_from(place)
+        return _seen_from(folder, place, "the photo")
     if place == CURRENT:
-        return _seen_from(_current(folder))
+        return _seen_from(folder, _current(folder), "the current photo")
     point = point_of(str(place))
     if point is not None:
         return FloorPose(point)
@@ -177,7 +178,23 @@ def _floor_pose(folder: MapFolder, place: Place, locate: Locate) -> FloorPose | 
     T_world_camera = locate(Path(place))
     if isinstance(T_world_camera, Rejected):
         return Rejected(f"the photo {place} was not located: {T_world_camera.reason}")
-    return _seen_from(T_world_camera)
+    return _seen_from(folder, T_world_camera, f"the photo {place}")
+
+
+def elsewhere(folder: MapFolder, T_world_camera: Array) -> str:
+    """Why a camera is not over the floor that the map's grid is of; empty where it is.
+
+    Also where the map's heights are in doubt.
+    """
+    floor_m = float(folder.settings("fuse").get("fuse", {}).get("floor_m", 0.0))
+    height_m = float(T_world_camera[2, 3]) - floor_m
+    if load_optimised(folder).world.doubt or is_over_floor(height_m):
+        return ""
+    return (
+        f"was taken on another storey, {abs(height_m):.1f} m {'above' if height_m > 0 else 'below'}"
+        f" the floor of the grid, which is at {floor_m:g} m; 'vnav fuse' makes a grid of another"
+        " floor with --set fuse.floor_m=..., and says at which height there is one"
+    )
 
 
 def _named(folder: MapFolder, name: str) -> FloorPose | None:
@@ -208,7 +225,10 @@ def _current(folder: MapFolder) -> Array:
     return np.array(pose, float)
 
 
-def _seen_from(T_world_camera: Array) -> FloorPose:
+def _seen_from(folder: MapFolder, T_world_camera: Array, what: str) -> FloorPose | Rejected:
+    reason = elsewhere(folder, T_world_camera)
+    if reason:
+        return Rejected(f"{what} {reason}")
     x, y = T_world_camera[:2, 3].tolist()
     return FloorPose((x, y), heading_rad(T_world_camera))
 

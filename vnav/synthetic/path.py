@@ -28,15 +28,17 @@ def walk(
     rng: np.random.Generator,
     at: NDArray[np.float64] | None = None,
 ) -> NDArray[np.float64]:
-    """Poses T_world_camera (frames, 4, 4) once around a tour (N, 3) of x, y, yaw.
+    """Poses T_world_camera (frames, 4, 4) once around a tour of x, y, yaw, and height of the floor.
+
+    The tour is (N, 4), or (N, 3) on a floor at z = 0.
 
     The frames are evenly spread in metres or radians, whichever is more; the last frame sees again
     what the first one saw. The hand sways a little, smoothly. ``at`` (M,): poses there instead,
     counted in frames, between them and beyond the ends, too.
     """
     at = np.arange(frames, dtype=float) if at is None else at
-    x, y, yaw = _closed_curve(tour, frames, at)
-    z = hand.height_m + _sway(at, 0.04, rng)
+    x, y, yaw, *floor = _closed_curve(tour, frames, at)
+    z = sum(floor) + hand.height_m + _sway(at, 0.04, rng)
     yaw = yaw + _sway(at, np.deg2rad(1.5), rng)
     yaw = yaw + np.deg2rad(hand.pan_deg) * np.sin(2 * np.pi * at / hand.pan_frames)
     pitch = np.deg2rad(hand.pitch_deg) + _sway(at, np.deg2rad(3), rng)
@@ -69,10 +71,11 @@ def look(
 def _closed_curve(
     tour: NDArray[np.float64], frames: int, at: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """x, y, yaw (3, M) of a smooth closed curve through the tour, which takes so many frames."""
+    """The columns (C, M) of a smooth closed curve through a tour that takes so many frames."""
     from scipy.interpolate import CubicSpline
 
-    turns = np.array([0, 0, 2 * np.pi]) * np.rint((tour[-1, 2] - tour[0, 2]) / (2 * np.pi))
+    is_yaw = np.arange(tour.shape[1]) == 2
+    turns = 2 * np.pi * is_yaw * np.rint((tour[-1, 2] - tour[0, 2]) / (2 * np.pi))
     knots = np.vstack([tour, tour[:1] + turns])
     effort = np.concatenate([[0], np.cumsum(_effort(knots))])
     drift = np.outer(effort / effort[-1], turns)
@@ -85,7 +88,7 @@ def _closed_curve(
     even = np.linspace(0, done[-1], frames)
     laps = np.floor(at / (frames - 1)) * ((at < 0) | (at > frames - 1))
     reached = np.interp(at - laps * (frames - 1), np.arange(frames), even)
-    along = np.array([np.interp(reached, done, curve[:, k]) for k in range(3)])
+    along = np.array([np.interp(reached, done, curve[:, k]) for k in range(len(turns))])
     return np.asarray(along + np.outer(turns, laps))
 
 

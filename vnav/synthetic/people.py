@@ -76,7 +76,7 @@ class Peopled:
         return Moment(_joined(parts), self.textures, owner.astype(np.uint8))
 
     @property
-    def tour(self) -> tuple[tuple[float, float, float], ...]:
+    def tour(self) -> tuple[tuple[float, ...], ...]:
         """The scene's."""
         return self.scene.tour
 

@@ -76,14 +76,14 @@ class Scene:
         x0, y0, x1, y1, z1 in metres; faces that only somebody outside could see are left out.
     tour
         (N, 3) x, y in metres and yaw in radians (0 along +x, not wrapped) of a closed walk; the
-        first row follows on the last.
+        first row follows on the last. (N, 4) with the height of the floor where there are several.
     seed
         Of the textures; each face has its own pattern, also among equal boxes, unless twins.
     """
 
     pieces: tuple[tuple[Box, ...], ...]
     bounds: tuple[float, float, float, float, float]
-    tour: tuple[tuple[float, float, float], ...]
+    tour: tuple[tuple[float, ...], ...]
     seed: int
 
     def at(self, t_s: float) -> "Scene":

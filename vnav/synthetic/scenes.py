@@ -24,6 +24,7 @@ from vnav.synthetic.many_rooms import building
 from vnav.synthetic.rearranged import room_after, room_before
 from vnav.synthetic.repeating import shop, twin_rooms
 from vnav.synthetic.scene import Scene, closed_tour, placed, unlike
+from vnav.synthetic.storeys import two_storeys
 
 
 def apartment(seed: int) -> Scene:
@@ -98,6 +99,7 @@ SCENES: dict[str, Callable[[int], Scene]] = {
     "supermarket_unlike": unlike(supermarket),
     "room_before": room_before,
     "room_after": room_after,
+    "two_storeys": two_storeys,
     "building_2": building(2),
     "building_12": building(12),
 }
