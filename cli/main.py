@@ -30,7 +30,7 @@ COMMANDS = {  # section of the help: command: its module
         "index": "stage_commands",
     },
     "Use a map": {"locate": "locate", "plan": "plan", "edit": "edit", "export": "export"},
-    "Look at a map": {"info": "info", "report": "report"},
+    "Look at a map": {"info": "info", "report": "report", "view": "view"},
     "Check captures, results and settings": {
         "check": "check",
         "import": "import_recording",

@@ -15,6 +15,10 @@ from numpy.typing import NDArray
 
 CHROMIUM = shutil.which("chromium") or shutil.which("google-chrome")
 FLAGS = ("--headless=new", "--no-sandbox", "--disable-dev-shm-usage", "--remote-debugging-pipe")
+LOADED = (
+    "new Promise((done) => { const wait = () => document.querySelector('.loading') ?"
+    " setTimeout(wait, 20) : requestAnimationFrame(() => requestAnimationFrame(done)); wait(); })"
+)
 LATEST_S = 60.0  # for an answer of a browser on a busy machine
 
 
@@ -72,19 +76,20 @@ class Browser:
         assert "exceptionDetails" not in found, found
         return found["result"].get("value")
 
-    def show(self, page: Path, width: int, height: int, scheme: str = "light") -> None:
-        """Load a page into a window of that size, and wait until it is drawn."""
+    def show(self, page: str, width: int, height: int, scheme: str = "light") -> None:
+        """Load the page of an address into a window of that size, and wait until it is drawn."""
         screen = {"width": width, "height": height, "deviceScaleFactor": 1, "mobile": width < 500}
         self.ask("Emulation.setDeviceMetricsOverride", **screen)
         features = [{"name": "prefers-color-scheme", "value": scheme}]
         self.ask("Emulation.setEmulatedMedia", features=features)
         self.said.clear()
-        self.ask("Page.navigate", url=page.as_uri())
+        self.ask("Page.navigate", url="about:blank")
+        self.ask("Page.navigate", url=page)
         self.run(
             "new Promise((done) => { const wait = () => document.readyState === 'complete' &&"
-            " location.protocol === 'file:' ? requestAnimationFrame(() =>"
-            " requestAnimationFrame(done)) : setTimeout(wait, 20); wait(); })"
+            f" location.href === '{page}' ? done() : setTimeout(wait, 20); wait(); }})"
         )
+        self.run(LOADED)
 
     def picture(self, whole: bool = False) -> NDArray[np.uint8]:
         """What is seen, BGR; of the whole page, or in the window."""

@@ -100,7 +100,7 @@ def test_a_phone_shows_the_site_from_the_disk(site: dict[Path, Page], tmp_path: 
     """No page is wider than the screen, none has an error, and the search finds something."""
     browser = Browser(tmp_path)
     for path in site:
-        browser.show(path, 375, 800)
+        browser.show(path.as_uri(), 375, 800)
         assert browser.run("document.documentElement.scrollWidth") == 375, path
         assert not browser.said, path
     browser.ask("Page.navigate", url=f"{path.as_uri()}?q=keyframe")

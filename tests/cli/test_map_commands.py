@@ -82,7 +82,7 @@ def test_several_formats_of_one_part_are_all_exported(fused_map: Path, tmp_path:
     assert {path.name for path in tmp_path.iterdir()} == {"occupancy.bt", "occupancy.ot"}
 
 
-@pytest.mark.parametrize("command", ["info", "report", "export"])
+@pytest.mark.parametrize("command", ["info", "report", "export", "view"])
 def test_a_folder_without_a_map_is_an_error(command: str, tmp_path: Path) -> None:
     options = ("--cloud", "ply") if command == "export" else ()
     with pytest.raises(MapError, match="found no map.json"):

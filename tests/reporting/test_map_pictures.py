@@ -133,9 +133,8 @@ def test_a_large_cloud_keeps_to_the_longest_side() -> None:
 def test_pictures_are_drawn_again_where_they_are_gone(fused_map: Path, tmp_path: Path) -> None:
     shutil.copytree(fused_map, tmp_path / "map")
     shutil.rmtree(tmp_path / "map" / "reports")
-    paths = pictures.draw(MapFolder(tmp_path / "map"))
-    assert [p.name for p in paths] == ["trajectory.png", "grid.png", "cloud.png"]
-    for path in paths:
-        picture = cv2.imread(str(path))
+    assert [*pictures.draw(MapFolder(tmp_path / "map"))] == ["trajectory", "grid", "cloud"]
+    for name in ("trajectory", "grid", "cloud"):
+        picture = cv2.imread(str(tmp_path / "map" / "reports" / f"{name}.png"))
         assert picture.shape[1] > 500
         assert len(np.unique(picture)) > 10

@@ -89,7 +89,7 @@ def test_the_verdict_stands_first(posed_map: Path, tmp_path: Path) -> None:
     ):
         values = {"verdict": "any", "doubts": doubts, "inputs": folder.inputs_of("optimise")}
         folder.write_report("quality", {"stage": "quality", "values": values, "warnings": doubts})
-        texts = [text for text in Page(report.page(folder)).texts if text]
+        texts = [text for text in Page(report.page(folder, "", {})).texts if text]
         first = texts.index(title)
         assert texts[first - 2] == "Map of miniature"
         assert [text for text in texts if "bend" in text and "{" not in text] == doubts
@@ -111,7 +111,7 @@ def test_a_name_with_markup_is_text(posed_map: Path, tmp_path: Path) -> None:
     shutil.copytree(posed_map, tmp_path / "map")
     folder, name = MapFolder(tmp_path / "map"), "<script>alert(1)&lt;"
     folder.set_captures([{**folder.captures[0], "name": name}])
-    text = report.page(folder)
+    text = report.page(folder, "", {})
     assert "<script>alert" not in text
     assert f"Map of {name}" in Page(text).texts
 
@@ -120,11 +120,11 @@ def test_a_map_that_is_not_fused_is_reported_without_pictures(
     posed_map: Path, tmp_path: Path
 ) -> None:
     shutil.copytree(posed_map, tmp_path / "map")
-    page = Page(report.page(MapFolder(tmp_path / "map")))
+    page = Page(report.page(MapFolder(tmp_path / "map"), "", {}))
     assert not page.links
     assert "No pictures: the map is not fused yet." in page.texts
 
 
 def test_an_empty_map_is_reported(tmp_path: Path) -> None:
-    page = Page(report.page(MapFolder.create(tmp_path / "map")))
+    page = Page(report.page(MapFolder.create(tmp_path / "map"), "", {}))
     assert "A map without captures" in page.texts

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 from numpy.typing import DTypeLike, NDArray
+from scipy.spatial import cKDTree
 
 from vnav.core import se3
 from vnav.core.camera import Intrinsics
@@ -50,20 +51,33 @@ def test_points_are_those_of_the_cloud_within_half_a_step(
 ) -> None:
     cloud, layer = load_cloud(MapFolder(fused_map)), values["layers"]["cloud"]
     kept = np.linspace(0, len(cloud) - 1, min(len(cloud), MOST_POINTS)).astype(int)
-    half_a_step = np.array(layer["span"]) / STEPS / 2
-    assert (np.abs(points_of(layer) - cloud.points_world[kept]) < half_a_step + 1e-6).all()
-    assert (array(layer["colors"], "u1", 3) == cloud.colors[kept]).all()
+    found, colors = points_of(layer), array(layer["colors"], "u1", 3)
+    distance_m, row = cKDTree(cloud.points_world[kept]).query(found)
+    half_a_step_m = np.linalg.norm(layer["span"]) / STEPS / 2
+    assert distance_m.max() < half_a_step_m + 1e-6
+    assert (np.sort(row) == np.arange(len(kept))).all()
+    assert (colors == cloud.colors[kept][row]).all()
 
 
 def test_a_large_cloud_is_thinned_evenly() -> None:
     numbers = np.arange(int(2.5 * MOST_POINTS), dtype="<u4")
     colors = numbers.view(np.uint8).reshape(-1, 4)[:, :3]  # which point it is
-    layer = cloud_layer(PointCloud(np.zeros((len(colors), 3)), colors), 0.01)
+    layer = cloud_layer(PointCloud(np.zeros((len(colors), 3)), colors), 0.01, MOST_POINTS)
     assert layer is not None
-    found = array(layer.values["colors"], "u1", 3).astype(int) @ [1, 256, 65536]
+    found = layer.values["colors"].astype(int) @ [1, 256, 65536]
     assert len(found) == MOST_POINTS
-    assert (found[0], found[-1]) == (0, len(colors) - 1)
-    assert set(np.diff(found)) == {2, 3}
+    assert (found.min(), found.max()) == (0, len(colors) - 1)
+    assert set(np.diff(np.sort(found))) == {2, 3}
+
+
+def test_the_first_points_of_a_cloud_are_spread_as_evenly_as_all() -> None:
+    colors = np.arange(1000, dtype="<u4").view(np.uint8).reshape(-1, 4)[:, :3]
+    layer = cloud_layer(PointCloud(np.zeros((1000, 3)), colors), 0.01)
+    assert layer is not None
+    found = layer.values["colors"].astype(int) @ [1, 256, 65536]
+    assert sorted(found) == [*range(1000)]
+    for first in (16, 100, 500):  # at most twice as far apart as they would be at best
+        assert np.diff(np.sort(np.r_[found[:first], 1000])).max() <= 2 * 1000 / first
 
 
 def test_no_cloud_is_no_layer() -> None:
@@ -105,11 +119,11 @@ def test_located_photos_and_the_last_path_are_shown(copied: MapFolder) -> None:
     copied.write_planned({"path_m": [[0, 1, 3.1], [1, 1, 0.5]], "length_m": 1.0})
     layers = scene(copied).layers
     assert (layers["photo"].label, layers["path"].label) == ("photo a.jpg", "path, 1.0 m")
-    assert array(layers["photo"].values["points"], "<f4", 5, 3).shape == (1, 5, 3)
+    assert layers["photo"].values["points"].shape == (1, 5, 3)
     assert layers["photos"].label == "located photos (2)"
-    assert array(layers["photos"].values["points"], "<f4", 5, 3).shape == (2, 5, 3)
+    assert layers["photos"].values["points"].shape == (2, 5, 3)
     (path,) = layers["path"].values["lines"]
-    assert array(path, "<f4", 3).tolist() == np.float32([[0, 1, PATH_M], [1, 1, PATH_M]]).tolist()
+    assert path.tolist() == np.float32([[0, 1, PATH_M], [1, 1, PATH_M]]).tolist()
 
 
 def test_a_photo_whose_name_is_markup_is_text(copied: MapFolder) -> None:

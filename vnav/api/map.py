@@ -33,6 +33,7 @@ from vnav.localisation.verdict.answer import PhotoAnswer, UnreadablePhoto
 
 if TYPE_CHECKING:
     from vnav.pipeline.build import BuiltMap
+    from vnav.reporting.map_server import MapServer
     from vnav.stages.locate import Locator
     from vnav.stages.plan import Place, PlanAnswer
 
@@ -297,6 +298,16 @@ class Map:
         from vnav.reporting import map_page
 
         return map_page.write(self._folder)
+
+    def server(self, port: int = 0) -> "MapServer":
+        """What serves that page, with the whole cloud and surface, to browsers of this machine.
+
+        ``with flat.server() as server``, then ``server.serve_forever()``; ``server.address`` is
+        where. ``port`` 0 takes one that is free. MapError where the port cannot be had.
+        """
+        from vnav.reporting.map_server import MapServer
+
+        return MapServer(self._folder, port)
 
     def export(
         self, out: AnyPath, wanted: Mapping[str, str | Sequence[str]]

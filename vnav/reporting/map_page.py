@@ -1,6 +1,6 @@
 """One self-contained page about a map: verdict, 3D view, numbers, pictures, loops, lost spans."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from html import escape
 from pathlib import Path
 from typing import Any
@@ -33,9 +33,11 @@ def write(folder: MapFolder) -> Path:
     Missing stages are named as such. MapError where the map cannot be written.
     """
     path = folder.root / "reports" / "report.html"
+    is_fused = folder.has("fuse")
     try:
         path.parent.mkdir(exist_ok=True)
-        write_text(path, page(folder))
+        images = pictures.draw(folder) if is_fused else {}
+        write_text(path, page(folder, view3d.figure(folder) if is_fused else "", images))
     except OSError as error:
         raise MapError(
             f"expected to write {path}, found: {error.strerror}; give write permission"
@@ -43,18 +45,18 @@ def write(folder: MapFolder) -> Path:
     return path
 
 
-def page(folder: MapFolder) -> str:
-    """The page as HTML; draws the map's pictures anew."""
+def page(folder: MapFolder, view: str, images: Mapping[str, bytes]) -> str:
+    """The page as HTML, around a 3D view and pictures by name; none where it is not fused yet."""
     values = overview(folder)
     reports = {stage: folder.report(stage) for stage in ("quality", *STAGES, "map")}
     title = _title(values)
     parts = [
         f"<h1>{escape(title)}</h1>\n<small>{escape(values['map'])}, vnav {__version__}</small>",
         _map_verdict(values),
-        view3d.figure(folder) if "grid" in values else "",
+        view,
         _tiles(values),
         _warnings(reports),
-        _pictures(folder, values),
+        _pictures(images),
         _stages(values, reports),
         _lost(values),
         _loops(values, load_loops(folder) if "loops" in values else ()),
@@ -106,19 +108,19 @@ def _warnings(reports: dict[str, dict[str, Any]]) -> str:
     return "\n".join(html.warning(name, text) for name, text in found)
 
 
-def _pictures(folder: MapFolder, values: dict[str, Any]) -> str:
-    if "grid" not in values:
+def _pictures(images: Mapping[str, bytes]) -> str:
+    if not images:
         return "<p>No pictures: the map is not fused yet.</p>"
-    return "\n".join(_picture(path) for path in pictures.draw(folder))
+    return "\n".join(_picture(*item) for item in images.items())
 
 
-def _picture(path: Path) -> str:
+def _picture(name: str, data: bytes) -> str:
     """A picture as it is; that of the cloud, which is like a photo, in a third of its bytes."""
-    data, kind, caption = path.read_bytes(), "png", CAPTIONS[path.stem]
-    if path.stem == "cloud":
+    kind = "png"
+    if name == "cloud":
         image = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR)
         data, kind = cv2.imencode(".jpg", image, JPEG)[1].tobytes(), "jpeg"
-    return html.picture(path.stem, data, caption, kind)
+    return html.picture(name, data, CAPTIONS[name], kind)
 
 
 def _stages(values: dict[str, Any], reports: dict[str, dict[str, Any]]) -> str:

@@ -1,7 +1,7 @@
 """Pictures of a map from above, in its reports/: trajectory, grid and cloud."""
 
 from collections.abc import Mapping
-from pathlib import Path
+from io import BytesIO
 from types import MappingProxyType
 from typing import Any
 
@@ -19,7 +19,7 @@ from vnav.core.grid import STATES, UNKNOWN, Grid
 from vnav.core.mapping import LoopVerdict, Odometry
 from vnav.core.places import GOAL, LostPlace, NamedPlace, zones_of
 from vnav.core.point_cloud import PointCloud
-from vnav.io.files import whole_file
+from vnav.io.files import write_bytes
 from vnav.io.store.artifacts import load_cloud, load_grid, load_loops, load_odometry, load_optimised
 from vnav.io.store.map_folder import MapFolder
 from vnav.io.store.places_file import load_places
@@ -38,11 +38,18 @@ PIXEL_M = 0.02  # of the cloud's picture
 LONGEST_PX = 1500  # its longest side; larger maps get larger pixels
 
 
-def draw(folder: MapFolder) -> tuple[Path, ...]:
-    """Draw all pictures of a map whose stages up to fuse are finished; returns the files.
+def draw(folder: MapFolder) -> dict[str, bytes]:
+    """Write all pictures of a map whose stages up to fuse are finished; returns them, too."""
+    pictures, reports = drawn(folder), folder.root / "reports"
+    reports.mkdir(exist_ok=True)
+    (reports / "moving.png").unlink(missing_ok=True)
+    for name, data in pictures.items():
+        write_bytes(reports / f"{name}.png", data)
+    return pictures
 
-    What moves is drawn where something does.
-    """
+
+def drawn(folder: MapFolder) -> dict[str, bytes]:
+    """All pictures of such a map, as PNG; what moves is drawn where something does."""
     grid = load_grid(folder)
     odometry, poses = load_odometry(folder), load_optimised(folder).T_world_camera
     figures = {
@@ -51,14 +58,13 @@ def draw(folder: MapFolder) -> tuple[Path, ...]:
         "cloud": cloud_figure(load_cloud(folder)),
         "moving": moving_figure(folder, odometry),
     }
-    paths = {name: folder.root / "reports" / f"{name}.png" for name in figures}
-    paths["moving"].parent.mkdir(exist_ok=True)
-    paths["moving"].unlink(missing_ok=True)
-    drawn = {paths[name]: figure for name, figure in figures.items() if figure is not None}
-    for path, figure in drawn.items():
-        with whole_file(path) as file:
-            figure.savefig(file, bbox_inches="tight")
-    return tuple(drawn)
+    return {name: _png(figure) for name, figure in figures.items() if figure is not None}
+
+
+def _png(figure: Figure) -> bytes:
+    file = BytesIO()
+    figure.savefig(file, bbox_inches="tight")
+    return file.getvalue()
 
 
 def trajectory_figure(

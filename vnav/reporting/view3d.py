@@ -4,12 +4,13 @@ Without JavaScript or WebGL 2 it is a sentence. web/view.js draws it, by the lib
 """
 
 import json
+from collections.abc import Mapping
 from html import escape
 from importlib import resources
 
 from vnav.io.store.map_folder import MapFolder
 from vnav.reporting.map_pictures import CUT_M
-from vnav.reporting.scene import Layer, MapScene, scene
+from vnav.reporting.scene import Layer, MapScene, scene, scene_beside
 
 INSTEAD = (
     "The 3D view needs JavaScript and WebGL 2, which are not there. The pictures below show the"
@@ -31,19 +32,29 @@ NAMES = {"nearer": "nearer", "farther": "farther"}  # of buttons whose text is a
 
 
 def figure(folder: MapFolder) -> str:
-    """The view as HTML, of a map whose stages up to fuse are finished."""
-    shown = scene(folder)
+    """The view as HTML that needs nothing else, of a map whose stages up to fuse are finished."""
+    return _figure(scene(folder))
+
+
+def figure_beside(folder: MapFolder, addresses: Mapping[str, str]) -> str:
+    """The view as HTML whose large layers are served at ``addresses``, of such a map."""
+    return _figure(scene_beside(folder, addresses), "served.js")
+
+
+def _figure(shown: MapScene, *more: str) -> str:
+    """The view of a scene; ``more`` scripts go before its own."""
     data = json.dumps(shown.values(), sort_keys=True, allow_nan=False)
+    scripts = "\n".join(f"<script>{_file(n)}</script>" for n in ("ogl.min.js", *more, "view.js"))
     return f"""<figure id="view">
 <p class="instead">{INSTEAD}</p>
 <canvas tabindex="0" aria-label="The map in 3D"></canvas>
 <div class="controls">{_buttons()}{_cut(shown)}</div>
 <div class="controls">{"".join(_switch(*item) for item in shown.layers.items())}</div>
+<p class="warning" role="alert" hidden></p>
 <figcaption>{CAPTION}</figcaption>
 </figure>
 <script type="application/json" id="view-data">{data}</script>
-<script>{_file("ogl.min.js")}</script>
-<script>{_file("view.js")}</script>"""
+{scripts}"""
 
 
 def style() -> str:

@@ -9,7 +9,8 @@
 
   // ---- data -------------------------------------------------------------------------------------
 
-  const bytes = (text) => Uint8Array.from(atob(text), (letter) => letter.charCodeAt(0)).buffer;
+  const decoded = (text) => Uint8Array.from(atob(text), (letter) => letter.charCodeAt(0)).buffer;
+  const bytes = (array) => (typeof array === "string" ? decoded(array) : array);
   const floats = (text) => new Float32Array(bytes(text));
   const point = (values, n) => values.subarray(3 * n, 3 * n + 3);
 
@@ -69,6 +70,27 @@
     precision mediump float;
     varying vec3 seen;
     void main() { gl_FragColor = vec4(seen, 1.0); }`;
+  const MESH_VERTEX = `
+    attribute vec3 position, color;
+    uniform mat4 modelViewMatrix, projectionMatrix;
+    uniform vec3 low, span;
+    varying vec3 seen;
+    varying float height;
+    void main() {
+      vec3 world = low + position * span;
+      gl_Position = projectionMatrix * modelViewMatrix * vec4(world, 1.0);
+      seen = color;
+      height = world.z;
+    }`;
+  const MESH_FRAGMENT = `
+    precision highp float;
+    uniform float cut;
+    varying vec3 seen;
+    varying float height;
+    void main() {
+      if (height > cut) discard;
+      gl_FragColor = vec4(seen, 1.0);
+    }`;
   const LINE_VERTEX = `
     attribute vec2 corner; // along the line from 0 to 1, across it from -1 to 1
     attribute vec3 a, b;
@@ -90,14 +112,36 @@
     uniform vec4 paint;
     void main() { gl_FragColor = paint; }`;
 
-  function addCloud({ low, span, spacing_m, positions, colors }, parent) {
-    const geometry = new ogl.Geometry(gl, {
-      position: { size: 3, data: new Uint16Array(bytes(positions)), normalized: true },
-      color: { size: 3, data: new Uint8Array(bytes(colors)), type: gl.UNSIGNED_BYTE, normalized: true },
-    });
+  /** Coloured points, as steps of their box. */
+  const colored = ({ positions, colors }) => ({
+    position: { size: 3, data: new Uint16Array(bytes(positions)), normalized: true },
+    color: { size: 3, data: new Uint8Array(bytes(colors)), type: gl.UNSIGNED_BYTE, normalized: true },
+  });
+
+  const AT_ONCE = 300_000; // points that a first motion draws
+  let share = 1; // of the cloud that is drawn while the picture moves, as much as is drawn in time
+  let thin = () => {}; // draws a share of the cloud, in larger points
+
+  function addCloud({ low, span, spacing_m, ...points }, parent) {
+    const geometry = new ogl.Geometry(gl, colored(points));
+    const count = geometry.attributes.position.count;
     const uniforms = { ...shared, low: { value: low }, span: { value: span }, spacing: { value: spacing_m } };
     const program = new ogl.Program(gl, { vertex: POINT_VERTEX, fragment: POINT_FRAGMENT, uniforms });
     new ogl.Mesh(gl, { mode: gl.POINTS, geometry, program, frustumCulled: false }).setParent(parent);
+    share = Math.min(AT_ONCE / count, 1);
+    thin = (drawn) => {
+      geometry.setDrawRange(0, Math.ceil(count * drawn));
+      uniforms.spacing.value = spacing_m / Math.sqrt(drawn);
+    };
+  }
+
+  /** A surface, which is seen from its front only: one looks into rooms from outside. */
+  function addMesh({ low, span, triangles, ...points }, parent) {
+    const index = { data: new Uint32Array(bytes(triangles)) };
+    const geometry = new ogl.Geometry(gl, { ...colored(points), index });
+    const uniforms = { ...shared, low: { value: low }, span: { value: span } };
+    const program = new ogl.Program(gl, { vertex: MESH_VERTEX, fragment: MESH_FRAGMENT, uniforms });
+    new ogl.Mesh(gl, { geometry, program, frustumCulled: false }).setParent(parent);
   }
 
   /** Lines (ends, two points a line): full where they are seen, faint behind what hides them. */
@@ -128,18 +172,46 @@
 
   const DRAW = {
     cloud: addCloud,
+    mesh: addMesh,
     lines: ({ lines, color }, parent) => addLines(lines.flatMap((l) => pieces(floats(l))), color, 2, parent),
     pairs: ({ pairs, color }, parent) => addLines(floats(pairs), color, 1, parent, 0.12),
     frusta: ({ points, color, width }, parent) => addLines(frusta(floats(points)), color, width, parent),
     squares: ({ step_m, color }, parent) => addLines(squares(data.low, data.high, step_m), color, 0.5, parent, 0),
   };
-  for (const [name, layer] of Object.entries(data.layers)) {
+
+  /** Add a layer when it is first shown; one that is served is fetched then. */
+  function addLayer([name, layer]) {
     const parent = new ogl.Transform();
     parent.setParent(scene);
-    DRAW[layer.kind](layer, parent);
     const box = figure.querySelector(`[data-layer="${name}"]`);
-    box.addEventListener("change", () => { parent.visible = box.checked; draw(); });
-    parent.visible = box.checked;
+    let isAdded = false;
+    async function show() {
+      parent.visible = box.checked;
+      if (box.checked && !isAdded) {
+        isAdded = true;
+        const whole = layer.address ? await fetched(layer, box) : layer;
+        if (whole) DRAW[layer.kind](whole, parent);
+        else isAdded = box.checked = false;
+      }
+      draw();
+    }
+    box.addEventListener("change", show);
+    show();
+  }
+
+  /** A layer that is served; null where it cannot be had, which is said. */
+  async function fetched(layer, box) {
+    const told = figure.querySelector("[role=alert]");
+    box.parentElement.classList.add("loading");
+    try {
+      return { ...layer, ...(await window.servedLayer(layer.address)) };
+    } catch (error) {
+      told.textContent = `This layer could not be loaded. ${error.message}`;
+      told.hidden = false;
+      return null;
+    } finally {
+      box.parentElement.classList.remove("loading");
+    }
   }
 
   // ---- what is looked at --------------------------------------------------------------------------
@@ -184,7 +256,7 @@
     eye.yaw -= yaw;
     eye.pitch = Math.min(Math.max(eye.pitch + pitch, -STEEPEST), STEEPEST);
     eye.isPlan = eye.isPlan && !pitch;
-    draw();
+    moved();
   }
 
   /** Move what is looked at, by pixels on the screen. */
@@ -192,11 +264,27 @@
     const metres = (2 * HALF * eye.away) / canvas.clientHeight;
     const [x, y] = axes();
     eye.at = eye.at.map((value, k) => value + metres * (down * y[k] - right * x[k]));
-    draw();
+    moved();
   }
 
   function zoom(factor) {
     eye.away = Math.min(Math.max(eye.away * factor, 0.3), 20 * extent);
+    moved();
+  }
+
+  const REST_MS = 250; // without a motion: then all points are drawn
+  const SLOW_MS = 50; // from a motion to its picture
+  let isMoving = false;
+  let resting = 0;
+
+  function moved() {
+    clearTimeout(resting);
+    isMoving = true;
+    draw();
+  }
+
+  function rest() {
+    isMoving = false;
     draw();
   }
 
@@ -204,8 +292,12 @@
   function draw() {
     if (waiting) return;
     waiting = true;
+    const asked = performance.now();
     requestAnimationFrame(() => {
       waiting = false;
+      const took = performance.now() - asked;
+      if (isMoving) share = Math.min(Math.max(share * Math.max(Math.min(SLOW_MS / took, 1.1), 0.4), 0.02), 1);
+      thin(isMoving ? share : 1);
       const forward = axes()[2];
       camera.position.set(...eye.at.map((value, k) => value - eye.away * forward[k]));
       camera.lookAt(new ogl.Vec3(...eye.at));
@@ -216,6 +308,8 @@
       const back = getComputedStyle(canvas).backgroundColor.match(/[\d.]+/g).slice(0, 3);
       gl.clearColor(...back.map((value) => value / 255), 1);
       renderer.render({ scene, camera });
+      clearTimeout(resting);
+      if (isMoving) resting = setTimeout(rest, REST_MS);
     });
   }
 
@@ -293,6 +387,7 @@
   new ResizeObserver(fit).observe(canvas);
   matchMedia("(prefers-color-scheme: dark)").addEventListener("change", draw);
   canvas.addEventListener("webglcontextlost", () => figure.classList.remove("runs"));
+  Object.entries(data.layers).forEach(addLayer);
   cut();
   reset(START);
 })();
