@@ -17,8 +17,8 @@ from vnav.errors import MapError
 from vnav.io.store.artifacts import load_cloud, load_mesh
 from vnav.io.store.map_folder import MapFolder
 from vnav.reporting import map_pictures
+from vnav.reporting.layers import STEPS
 from vnav.reporting.map_server import GONE, HOST, MapServer, addresses
-from vnav.reporting.scene import STEPS
 
 
 class Visitor:
@@ -80,7 +80,8 @@ def test_the_surface_is_that_of_the_map(visited: Visitor) -> None:
     half_a_step_m = np.array(layer["span"]) / STEPS / 2 + 1e-6
     assert (np.abs(points_of(layer) - mesh.vertices_world) < half_a_step_m).all()
     assert layer["colors"] == mesh.colors.tobytes()
-    assert (np.frombuffer(layer["triangles"], "<u4").reshape(-1, 3) == mesh.triangles).all()
+    number = "<u2" if len(mesh.vertices_world) <= 65536 else "<u4"
+    assert (np.frombuffer(layer["triangles"], number).reshape(-1, 3) == mesh.triangles).all()
 
 
 def test_nothing_but_the_page_and_its_layers_is_served(visited: Visitor) -> None:

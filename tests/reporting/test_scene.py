@@ -14,11 +14,12 @@ from scipy.spatial import cKDTree
 
 from vnav.core import se3
 from vnav.core.camera import Intrinsics
-from vnav.core.point_cloud import PointCloud
-from vnav.io.store.artifacts import load_cloud, load_optimised
+from vnav.core.point_cloud import Mesh, PointCloud
+from vnav.io.store.artifacts import load_cloud, load_mesh, load_optimised
 from vnav.io.store.map_folder import MapFolder
 from vnav.reporting import view3d
-from vnav.reporting.scene import MOST_POINTS, PATH_M, STEPS, cloud_layer, frusta, scene
+from vnav.reporting.layers import STEPS, cloud_layer, mesh_layer
+from vnav.reporting.scene import MOST_POINTS, MOST_VERTICES, PATH_M, frusta, scene
 
 CAMERA = Intrinsics(320, 240, 300.0, 300.0, 159.5, 119.5)
 
@@ -80,8 +81,25 @@ def test_the_first_points_of_a_cloud_are_spread_as_evenly_as_all() -> None:
         assert np.diff(np.sort(np.r_[found[:first], 1000])).max() <= 2 * 1000 / first
 
 
-def test_no_cloud_is_no_layer() -> None:
-    assert cloud_layer(PointCloud(np.zeros((0, 3)), np.zeros((0, 3))), 0.01) is None
+def test_no_cloud_and_no_surface_are_no_layers() -> None:
+    nothing = np.zeros((0, 3))
+    assert cloud_layer(PointCloud(nothing, nothing), 0.01) is None
+    assert mesh_layer(Mesh(nothing, nothing, nothing, nothing)) is None
+
+
+def test_the_surface_is_near_that_of_the_map_and_not_shown_at_first(
+    fused_map: Path, values: dict[str, Any]
+) -> None:
+    """A mean over a cell lies off a curved surface by less than the cell, of at most 5 cm here."""
+    mesh, layer = load_mesh(MapFolder(fused_map)), values["layers"]["mesh"]
+    found, rows = points_of(layer), array(layer["triangles"], "<u2", 3)
+    assert 1000 < len(found) <= MOST_VERTICES
+    assert rows.max() == len(found) - 1
+    assert cKDTree(mesh.vertices_world).query(found)[0].max() < 0.05
+    assert cKDTree(found).query(mesh.vertices_world)[0].max() < 0.1
+    text = view3d.figure(MapFolder(fused_map))
+    assert '<input type="checkbox" data-layer="cloud" checked>' in text
+    assert '<input type="checkbox" data-layer="mesh">' in text
 
 
 def test_the_trajectory_is_that_of_the_map(fused_map: Path, values: dict[str, Any]) -> None:

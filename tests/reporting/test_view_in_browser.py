@@ -109,6 +109,19 @@ def test_a_narrow_page_does_not_scroll_sideways(report: str, browser: Browser, s
     assert browser.said == []
 
 
+def test_the_surface_of_the_report_is_drawn_when_it_is_switched_on(
+    report: str, browser: Browser
+) -> None:
+    browser.show(report, 800, 600)
+    browser.run("document.querySelector('[data-layer=cloud]').click()")
+    browser.run(FRAME)
+    before = browser.view()
+    browser.run("document.querySelector('[data-layer=mesh]').click()")
+    browser.run(FRAME)
+    assert shares(browser.view(), before) > 0.1
+    assert browser.said == []
+
+
 def test_a_served_cloud_is_drawn_and_its_surface_is_fetched_when_it_is_asked_for(
     server: MapServer, browser: Browser
 ) -> None:

@@ -15,7 +15,7 @@ from vnav.errors import MapError, VnavError
 from vnav.io.store.map_folder import MapFolder
 from vnav.reporting import map_page, view3d
 from vnav.reporting import map_pictures as pictures
-from vnav.reporting.scene import LARGE, large_layer
+from vnav.reporting.layers import LARGE, large_layer
 
 HOST = "127.0.0.1"
 HTML, BINARY, TEXT = "text/html; charset=utf-8", "application/octet-stream", "text/plain"

@@ -9,8 +9,9 @@ from html import escape
 from importlib import resources
 
 from vnav.io.store.map_folder import MapFolder
+from vnav.reporting.layers import Layer
 from vnav.reporting.map_pictures import CUT_M
-from vnav.reporting.scene import Layer, MapScene, scene, scene_beside
+from vnav.reporting.scene import MapScene, scene, scene_beside
 
 INSTEAD = (
     "The 3D view needs JavaScript and WebGL 2, which are not there. The pictures below show the"

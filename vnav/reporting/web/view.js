@@ -137,8 +137,9 @@
 
   /** A surface, which is seen from its front only: one looks into rooms from outside. */
   function addMesh({ low, span, triangles, ...points }, parent) {
-    const index = { data: new Uint32Array(bytes(triangles)) };
-    const geometry = new ogl.Geometry(gl, { ...colored(points), index });
+    const geometry = new ogl.Geometry(gl, colored(points));
+    const Numbers = geometry.attributes.position.count > 65536 ? Uint32Array : Uint16Array;
+    geometry.addAttribute("index", { data: new Numbers(bytes(triangles)) });
     const uniforms = { ...shared, low: { value: low }, span: { value: span } };
     const program = new ogl.Program(gl, { vertex: MESH_VERTEX, fragment: MESH_FRAGMENT, uniforms });
     new ogl.Mesh(gl, { geometry, program, frustumCulled: false }).setParent(parent);
