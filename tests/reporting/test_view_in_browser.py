@@ -146,7 +146,9 @@ def test_a_served_layer_that_is_gone_is_told(
     monkeypatch.setattr(map_server, "LARGE", {})  # as if the map had been made anew
     browser.run("document.querySelector('[data-layer=mesh]').click()")
     browser.run(LOADED)
-    assert map_server.GONE in browser.run("document.querySelector('[role=alert]').innerText")
+    told = "document.querySelector('#view [role=alert]')"
+    assert map_server.GONE in browser.run(f"{told}.innerText")
+    assert browser.run(f"{told}.offsetHeight") > 0
     assert not browser.run("document.querySelector('[data-layer=mesh]').checked")
 
 

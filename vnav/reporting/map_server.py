@@ -20,7 +20,7 @@ from vnav.reporting.layers import LARGE, large_layer
 HOST = "127.0.0.1"
 HTML, BINARY, TEXT = "text/html; charset=utf-8", "application/octet-stream", "text/plain"
 ICON = "/favicon.ico"  # browsers ask for it
-GONE = "The map has been made anew, or this address is none of its page: load the page again."
+GONE = "Nothing is here: a layer is empty, or the map has been made anew. Load the page again."
 
 log = logging.getLogger(__name__)
 

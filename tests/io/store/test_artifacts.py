@@ -1,7 +1,9 @@
 """What stages leave in the map is loaded as it was saved, or its damage is told."""
 
 import dataclasses
+import shutil
 from collections.abc import Callable
+from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import Any
 
@@ -22,12 +24,16 @@ from vnav.core.mapping import (
     OptimisedMap,
     World,
 )
+from vnav.core.point_cloud import Mesh, PointCloud
 from vnav.errors import MapError, StaleArtifact
 from vnav.features.sift import SPACE
 from vnav.io.formats.grid_files import write_grid, write_walked
+from vnav.io.formats.ply import write_cloud, write_mesh
 from vnav.io.store import artifacts
 from vnav.io.store.map_folder import MapFolder
 from vnav.io.store.records import MappedCapture
+
+Altering = Callable[[MapFolder, str], AbstractContextManager[Path]]
 
 RNG = np.random.default_rng(0)
 
@@ -311,3 +317,30 @@ def test_a_corridor_that_is_no_part_of_the_unknown_is_refused(
 
     with pytest.raises(MapError, match=r"walked\.yaml to be a part of what is unknown.*vnav fuse"):
         artifacts.load_grid(saved(folder, "fuse", save))
+
+
+@pytest.mark.parametrize("wrong", [np.inf, np.nan, 1e6])
+def test_points_that_no_map_has_are_an_error(
+    fused_map: Path, tmp_path: Path, altering: Altering, wrong: float
+) -> None:
+    other = MapFolder(shutil.copytree(fused_map, tmp_path / "map"))
+    points = np.array([[0.0, 0.0, wrong]] * 3, np.float32)
+    colors = np.zeros((3, 3), np.uint8)
+    with altering(other, "fuse") as draft:
+        write_cloud(draft / "cloud.ply", PointCloud(points, colors))
+        write_mesh(draft / "mesh.ply", Mesh(points, points, colors, np.array([[0, 1, 2]])))
+    for load in (artifacts.load_cloud, artifacts.load_mesh):
+        with pytest.raises(MapError, match="expected points within 100000 m .* run 'vnav fuse"):
+            load(other)
+
+
+@pytest.mark.parametrize("wrong", [-1, 3])
+def test_triangles_between_corners_that_are_not_there_are_an_error(
+    fused_map: Path, tmp_path: Path, altering: Altering, wrong: int
+) -> None:
+    other = MapFolder(shutil.copytree(fused_map, tmp_path / "map"))
+    points, colors = np.zeros((3, 3)), np.zeros((3, 3))
+    with altering(other, "fuse") as draft:
+        write_mesh(draft / "mesh.ply", Mesh(points, points, colors, np.array([[0, 1, wrong]])))
+    with pytest.raises(MapError, match="expected triangles .* run 'vnav fuse"):
+        artifacts.load_mesh(other)

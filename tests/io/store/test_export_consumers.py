@@ -1,7 +1,6 @@
 """Exports as the programs open them that they are for."""
 
 import json
-import shutil
 import sys
 from collections.abc import Callable
 from contextlib import AbstractContextManager
@@ -17,10 +16,10 @@ import trimesh
 from vnav.core import se3
 from vnav.core.camera import Intrinsics
 from vnav.core.mapping import Odometry
-from vnav.core.point_cloud import Mesh, PointCloud
+from vnav.core.point_cloud import Mesh
 from vnav.errors import MapError
 from vnav.io.formats.gltf import write_glb
-from vnav.io.formats.ply import read_cloud, write_cloud, write_mesh
+from vnav.io.formats.ply import read_cloud
 from vnav.io.store.artifacts import load_cloud, load_keyframe, load_mesh, load_optimised
 from vnav.io.store.export import export
 from vnav.io.store.map_folder import MapFolder
@@ -172,21 +171,6 @@ def test_las_is_the_cloud_to_its_scale(fused_map: Path, tmp_path: Path) -> None:
     np.testing.assert_allclose(found.xyz, cloud.points_world, atol=0.5001e-4)
     colors = np.stack([found.red, found.green, found.blue], 1)
     np.testing.assert_array_equal(colors, cloud.colors.astype(int) * 257)
-
-
-@pytest.mark.parametrize("wrong", [np.inf, np.nan, 1e6])
-def test_points_that_no_map_has_are_an_error(
-    fused_map: Path, tmp_path: Path, altering: Altering, wrong: float
-) -> None:
-    other = MapFolder(shutil.copytree(fused_map, tmp_path / "map"))
-    points = np.array([[0.0, 0.0, wrong]] * 3, np.float32)
-    colors = np.zeros((3, 3), np.uint8)
-    with altering(other, "fuse") as draft:
-        write_cloud(draft / "cloud.ply", PointCloud(points, colors))
-        write_mesh(draft / "mesh.ply", Mesh(points, points, colors, np.array([[0, 1, 2]])))
-    for part, form in (("cloud", "las"), ("mesh", "glb")):
-        with pytest.raises(MapError, match="expected points within 100000 m"):
-            export(other, tmp_path / "out", {part: [form]})
 
 
 def test_las_without_laspy_names_the_extra_and_writes_nothing(

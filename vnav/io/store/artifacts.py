@@ -39,6 +39,7 @@ from vnav.io.store.records import read_json
 from vnav.io.store.schemas import load_table
 
 Kind = TypeVar("Kind")
+MOST_M = 1e5  # from the origin
 DEPTH_UNITS_PER_METRE = 5000  # of the keyframes' depth images: 0.2 mm steps up to 13.1 m
 
 
@@ -386,13 +387,33 @@ def _load_grid(folder: MapFolder, name: str) -> Grid:
 
 
 def load_cloud(folder: MapFolder) -> PointCloud:
-    """The filtered, coloured cloud."""
-    return read_cloud(folder.file("fuse", "cloud.ply"))
+    """The filtered, coloured cloud; MapError where a point is none that a map can have."""
+    path = folder.file("fuse", "cloud.ply")
+    cloud = read_cloud(path)
+    _require_near(cloud.points_world, path, folder)
+    return cloud
 
 
 def load_mesh(folder: MapFolder) -> Mesh:
-    """The coloured surface."""
-    return read_mesh(folder.file("fuse", "mesh.ply"))
+    """The coloured surface; MapError where a corner is none that a map can have."""
+    path = folder.file("fuse", "mesh.ply")
+    mesh = read_mesh(path)
+    _require_near(mesh.vertices_world, path, folder)
+    rows = mesh.triangles
+    if ((rows < 0) | (rows >= len(mesh.vertices_world))).any():
+        raise MapError(
+            f"expected triangles between the corners of {path}, found others; run 'vnav fuse --map"
+            f" {folder.root}' again"
+        )
+    return mesh
+
+
+def _require_near(points_world: NDArray[np.float32], path: Path, folder: MapFolder) -> None:
+    if not (np.abs(points_world) < MOST_M).all():
+        raise MapError(
+            f"expected points within {MOST_M:g} m of the origin in {path}, found others; run 'vnav"
+            f" fuse --map {folder.root}' again"
+        )
 
 
 def _frames(folder: MapFolder) -> int:

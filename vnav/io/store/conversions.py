@@ -6,11 +6,9 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from vnav.core.arrays import Floats
 from vnav.core.grid import FREE
 from vnav.core.point_cloud import PointCloud
 from vnav.core.posed_images import PosedImages
-from vnav.errors import MapError
 from vnav.io.files import copy_into, write_bytes
 from vnav.io.formats.colmap import write_model
 from vnav.io.formats.gltf import write_glb
@@ -23,8 +21,6 @@ from vnav.io.store.map_folder import MapFolder
 from vnav.io.store.places_file import load_zones
 from vnav.io.store.posed_keyframes import load_posed_keyframes
 
-MOST_M = 1e5  # from the origin
-
 
 def obj(folder: MapFolder, out: Path) -> list[Path]:
     """The mesh as Wavefront OBJ."""
@@ -34,17 +30,13 @@ def obj(folder: MapFolder, out: Path) -> list[Path]:
 
 def glb(folder: MapFolder, out: Path) -> list[Path]:
     """The mesh as binary glTF."""
-    mesh = load_mesh(folder)
-    _require_near(mesh.vertices_world, folder)
-    write_glb(out / "mesh.glb", mesh)
+    write_glb(out / "mesh.glb", load_mesh(folder))
     return [out / "mesh.glb"]
 
 
 def las(folder: MapFolder, out: Path) -> list[Path]:
     """The cloud as LAS."""
-    cloud = load_cloud(folder)
-    _require_near(cloud.points_world, folder)
-    write_las(out / "cloud.las", cloud)
+    write_las(out / "cloud.las", load_cloud(folder))
     return [out / "cloud.las"]
 
 
@@ -71,15 +63,6 @@ def keepout(folder: MapFolder, out: Path) -> list[Path]:
     nothing = replace(grid, cells=np.full_like(grid.cells, FREE))
     write_keepout(out, nothing.blocked(load_zones(folder).keep_out.values()))
     return [out / "keepout.pgm", out / "keepout.yaml"]
-
-
-def _require_near(points_world: Floats, folder: MapFolder) -> None:
-    """MapError where a point is none that a map can have, and that a format has no number for."""
-    if not (np.abs(points_world) < MOST_M).all():
-        raise MapError(
-            f"expected points within {MOST_M:g} m of the origin in {folder.root / 'fuse'}, found"
-            f" others; run 'vnav fuse --map {folder.root}' again"
-        )
 
 
 def _images(folder: MapFolder, views: PosedImages, out: Path) -> Path:
