@@ -115,10 +115,10 @@ def test_the_surface_of_the_report_is_drawn_when_it_is_switched_on(
     browser.show(report, 800, 600)
     browser.run("document.querySelector('[data-layer=cloud]').click()")
     browser.run(FRAME)
-    before = browser.view()
+    before = view_of(browser)
     browser.run("document.querySelector('[data-layer=mesh]').click()")
     browser.run(FRAME)
-    assert shares(browser.view(), before) > 0.1
+    assert shares(view_of(browser), before) > 0.1
     assert browser.said == []
 
 
