@@ -22,7 +22,7 @@ LEVELS = (
     {"evaluation"},
     {"pipeline"},
     {"stages"},
-    {"tracking", "loop_closing", "optimisation", "checking", "calibration"},
+    {"tracking", "loop_closing", "optimisation", "checking", "calibration", "lighting"},
     {
         *("io", "features", "masking", "registration"),
         *("volumes", "vocabulary", "localisation", "planning"),
@@ -48,7 +48,7 @@ OWNERS = {
     "cv2": {
         *("vnav.io", "vnav.features", "vnav.masking", "vnav.registration", "vnav.localisation"),
         *("vnav.synthetic", "vnav.stages", "vnav.tracking", "vnav.checking", "vnav.reporting"),
-        *("vnav.vocabulary", "vnav.threads", "vnav.calibration"),
+        *("vnav.vocabulary", "vnav.threads", "vnav.calibration", "vnav.lighting"),
     },
     "matplotlib": {"vnav.reporting"},
     "msgspec": {"vnav.io.store"},

@@ -38,6 +38,12 @@ class CaptureConfig(Section, path="capture"):
         "Hz",
         "frame rate of a capture whose frames have numbers and no times",
     )
+    flatten: str = choice(
+        "auto",
+        lambda: ("auto", "off"),
+        "whether light that surely and strongly falls off from the image centre, as a lamp's on the"
+        " camera does, is taken off the frames",
+    )
 
 
 @dataclass(frozen=True)

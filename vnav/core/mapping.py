@@ -13,6 +13,7 @@ from vnav.core.arrays import frozen
 from vnav.core.frame import Edge, Features
 
 LOST = -1
+EVEN_LIGHT = frozen(np.array([[1, 0]], np.float32), np.float32, (1, 2))  # of one capture
 CONTRADICTS = "disagrees with the pose graph"  # reason of a loop that was found and is not kept
 FLOOR_OFF_M, FLOOR_TILT_DEG = 0.05, 2.0  # of a given world, where the grid still fits
 
@@ -108,7 +109,9 @@ class Odometry:
     ``moving_share`` (N,): how much of each frame moves, NaN where too much did for a mask; (0,)
     where nobody looked; ``has_scale``: lengths are in metres, else in a unit of each segment's own;
     ``landmarks`` (M, 3) float32: points that a filter followed, in the first frame of the longest
-    segment.
+    segment; ``light`` (C, 2) float32: of each capture, how bright the corners of its images were,
+    1 in the centre, before that was taken off, and the standard deviation of its logarithm; 1 and 0
+    where nothing was.
     """
 
     frames: FrameTable
@@ -124,6 +127,7 @@ class Odometry:
     moving_share: NDArray[np.float32] = field(default_factory=lambda: np.zeros(0, np.float32))
     has_scale: bool = True
     landmarks: NDArray[np.float32] = field(default_factory=lambda: np.zeros((0, 3), np.float32))
+    light: NDArray[np.float32] = field(default_factory=lambda: EVEN_LIGHT)
 
     @property
     def longest_segment(self) -> NDArray[np.intp]:

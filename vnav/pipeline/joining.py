@@ -143,6 +143,7 @@ def _behind(old: Odometry, new: Odometry) -> Odometry:
         degenerate_edges=old.degenerate_edges + _shifted(new.degenerate_edges, rows),
         alternatives=old.alternatives + _shifted(new.alternatives, rows),
         moving_share=np.concatenate([old.moving_share, new.moving_share]),
+        light=np.concatenate([old.light, new.light]),
     )
 
 

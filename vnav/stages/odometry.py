@@ -15,7 +15,7 @@ from vnav.checking.capture_report import require_depth
 from vnav.config import Config
 from vnav.config.registries import DESCRIPTORS, FILTERS, registered
 from vnav.core.frame import Frame
-from vnav.core.mapping import LOST, FrameFeatures, FrameTable, Odometry
+from vnav.core.mapping import EVEN_LIGHT, LOST, FrameFeatures, FrameTable, Odometry
 from vnav.core.progress import Progress, silent
 from vnav.core.reduced_frame import ReducedFrame, reduced
 from vnav.core.report import Report
@@ -29,6 +29,7 @@ from vnav.io.store.artifacts import save_keyframe, save_keyframe_mask, save_odom
 from vnav.io.store.map_folder import MapFolder
 from vnav.io.store.records import MappedCapture
 from vnav.io.store.stage_reports import clock, finished, reused, settings_of
+from vnav.lighting.flattened import flattened
 from vnav.threads import one_blas_thread, one_opencv_thread
 from vnav.tracking.given_poses import GivenPoses, poses_at
 from vnav.tracking.odometry_builder import OdometryBuilder
@@ -85,6 +86,9 @@ def track(
     builder = _builder(config, frames, given)
     keeps_all = config.odometry.kept_frames == "all"
     with ThreadPoolExecutor(os.cpu_count()) as pool:
+        light = EVEN_LIGHT
+        if config.capture.flatten == "auto":
+            capture, light = flattened(capture, pool)
         written = []
         is_described = given is not None or config.tracking.method == DESCRIPTORS
         describer = FrameDescriber(config) if is_described else None
@@ -97,7 +101,7 @@ def track(
         for keyframe in written:
             keyframe.result()
     progress("odometry", len(frames), len(frames))
-    odometry = builder.result(frames)
+    odometry = dataclasses.replace(builder.result(frames), light=light)
     for row, moving in builder.moving.items():
         save_keyframe_mask(draft, row, moving)
     return odometry
@@ -188,9 +192,27 @@ def report(odometry: Odometry) -> Report:
         f"{frames.span_text(span.capture, span.first, span.last)} lost: {span.reason}"
         for span in spans
     )
-    moving, unmasked = _moving(odometry)
-    return Report(
-        "odometry", values | {"moving": moving}, (line, *_moving_line(moving)), warnings + unmasked
+    light, (moving, unmasked) = _light(odometry), _moving(odometry)
+    lines = line, *_light_lines(light, len(odometry.light)), *_moving_line(moving)
+    values |= {"light": light, "moving": moving}
+    return Report("odometry", values, lines, warnings + unmasked)
+
+
+def _light(odometry: Odometry) -> list[dict[str, Any]]:
+    """What was taken off the light of which captures: brightness left at the corners."""
+    return [
+        {"capture": k, "corners": round(float(left), 4), "sigma": round(float(sigma), 4)}
+        for k, (left, sigma) in enumerate(odometry.light)
+        if left < 1
+    ]
+
+
+def _light_lines(light: list[dict[str, Any]], captures: int) -> tuple[str, ...]:
+    """One line for each capture whose light was evened."""
+    return tuple(
+        (f"capture {found['capture']}: " if captures > 1 else "")
+        + f"brightness falls to {found['corners']:.0%} at the corners: taken off"
+        for found in light
     )
 
 

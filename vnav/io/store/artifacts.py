@@ -17,6 +17,7 @@ from vnav.core.descriptor_space import DescriptorSpace
 from vnav.core.frame import Edge, Features, Frame
 from vnav.core.grid import FREE, UNKNOWN, WALKED, Grid
 from vnav.core.mapping import (
+    EVEN_LIGHT,
     FrameFeatures,
     FrameTable,
     Landmarks,
@@ -74,6 +75,7 @@ def save_odometry(draft: Path, odometry: Odometry) -> None:
         moving_share=odometry.moving_share,
         **({} if before is None else {"T_world_before": before}),
         **({} if odometry.has_scale else {"has_scale": np.array(False)}),
+        **({} if (odometry.light == EVEN_LIGHT).all() else {"light": odometry.light}),
     )
     if len(odometry.landmarks):
         _save_filtered(draft, odometry)
@@ -120,6 +122,7 @@ def load_odometry(folder: MapFolder, *, any_scale: bool = False) -> Odometry:
         edges_from_arrays(_load(folder, "odometry", "alternatives", N=rows)),
         frames["moving_share"],
         has_scale,
+        light=frames.get("light", np.repeat(EVEN_LIGHT, len(np.unique(frames["capture"])), 0)),
     )
 
 

@@ -1,0 +1,114 @@
+"""A capture without the falloff of its light."""
+
+import dataclasses
+from concurrent.futures import ThreadPoolExecutor
+from functools import lru_cache
+
+import cv2
+import numpy as np
+
+from vnav.core.arrays import Array, Floats
+from vnav.core.camera import Camera
+from vnav.core.frame import Frame
+from vnav.core.mapping import EVEN_LIGHT
+from vnav.core.trajectory import Trajectory
+from vnav.errors import CaptureError
+from vnav.io.sources.capture import Capture
+from vnav.lighting.falloff import LEAST_PLACES, Changed, LightProfile, fitted
+from vnav.lighting.followed_points import changes, view
+from vnav.threads import one_opencv_thread
+
+PLACES = 24  # of the capture at which frames are compared, evenly
+STEPS = 0, 1, 4  # frames of a place: the first is compared with the others
+MOST_GAIN = 4.0  # more would make images of noise
+
+
+class Flattened:
+    """The frames of a capture, each colour divided by how bright the light is there."""
+
+    def __init__(self, capture: Capture, profile: LightProfile) -> None:
+        self._whole = capture
+        self._gain = lru_cache(4)(lambda size: _gain(size, profile))
+
+    @property
+    def name(self) -> str:
+        """That of the capture."""
+        return self._whole.name
+
+    @property
+    def camera(self) -> Camera:
+        """That of the capture."""
+        return self._whole.camera
+
+    @property
+    def has_depth(self) -> bool:
+        """Whether the capture has."""
+        return self._whole.has_depth
+
+    @property
+    def stamps_s(self) -> Array:
+        """Times (N,) of the frames."""
+        return self._whole.stamps_s
+
+    @property
+    def poses(self) -> Trajectory | None:
+        """Those of the capture."""
+        return self._whole.poses
+
+    def __len__(self) -> int:
+        return len(self._whole)
+
+    def read(self, index: int) -> Frame:
+        """A frame of the capture, evenly lit; what is clipped stays clipped."""
+        frame = self._whole.read(index)
+        gain = self._gain(frame.color.shape[:2])
+        color = cv2.multiply(np.asarray(frame.color), gain, dtype=cv2.CV_8U)
+        return dataclasses.replace(frame, color=color)
+
+    def fingerprint(self) -> str:
+        """That of the capture: what its light is follows from its frames."""
+        return self._whole.fingerprint()
+
+
+def _gain(size: tuple[int, int], profile: LightProfile) -> Floats:
+    """What colour (H, W, 3) is multiplied by."""
+    height, width = size
+    x, y = np.arange(width) - (width - 1) / 2, np.arange(height) - (height - 1) / 2
+    r2 = (x**2 + y[:, None] ** 2) / max(x[0] ** 2 + y[0] ** 2, 1)
+    gain = np.minimum(1 / profile.brightness(r2), MOST_GAIN).astype(np.float32)
+    return np.repeat(gain[..., None], 3, -1)
+
+
+def flattened(capture: Capture, pool: ThreadPoolExecutor) -> tuple[Capture, Floats]:
+    """The capture without the falloff of its light, and what that was, as `Odometry.light` says.
+
+    The capture itself where the light does not fall off surely and strongly.
+    """
+    profile = light_of(capture, pool)
+    if profile is None or not profile.is_strong:
+        return capture, EVEN_LIGHT
+    light = np.array([[profile.brightness(1.0), profile.sigma(1.0)]], np.float32)
+    return Flattened(capture, profile), light
+
+
+def light_of(capture: Capture, pool: ThreadPoolExecutor) -> LightProfile | None:
+    """The light of a capture, by some of its frames; None where they are too few to tell.
+
+    A frame that cannot be read is left out.
+    """
+    places = min(PLACES, len(capture) // (STEPS[-1] + 1))
+    if places < LEAST_PLACES:
+        return None
+    first = np.linspace(0, len(capture) - 1 - STEPS[-1], places).astype(int)
+    with one_opencv_thread:
+        return fitted(list(pool.map(lambda row: _place(capture, row), first.tolist())))
+
+
+def _place(capture: Capture, row: int) -> Changed:
+    """How points changed from a frame to those soon after."""
+    try:
+        seen = [view(capture.read(row + k).color) for k in STEPS]
+    except CaptureError:
+        return []
+    found = [changes(seen[0], other) for other in seen[1:]]
+    return [change for change in found if change is not None]
