@@ -22,6 +22,7 @@ SHOWN = {
     "dropped_20": "20 % of the frames dropped",
     "blurred": "motion blur of 9 px on every tenth",
     "exposed": "exposure jumping by 2",
+    "lamp": "a lamp on the camera",
     "half_depth": "half of all depth missing",
     "black_first": "first frame black",
     "rolled": "rolled by 90 degrees",

@@ -33,6 +33,8 @@ BLUR_PX, BLURRED_EVERY = 9, 10
 EXPOSURES, EXPOSED_FOR = (1.0, 0.5, 1.0, 2.0), 15  # of stored values; each jump is a factor of 2
 DEPTH_BLOCK_PX = 80
 CUT_S = 3.0
+LAMP_LEFT, LAMP_REACH = 0.3, 0.28  # brightness far from the centre; share of the image width
+LAMP_NOISE = 2.0  # grey levels: a darker image has no less of it
 DROP_SEEDS = range(5)
 LEAST_SEEN = 0.05  # share of the pixels that are neither black nor clipped in a usable image
 
@@ -107,6 +109,20 @@ def exposed(source: Source, folder: Path) -> None:
     write(source, folder, range(len(source.frames)), color=expose)
 
 
+def lamp(source: Source, folder: Path) -> None:
+    """A lamp on the camera: bright in the centre, three tenths of it in the corners."""
+
+    def light(row: int, image: Image) -> Image:
+        height, width = image.shape[:2]
+        y, x = np.mgrid[:height, :width]
+        r2 = ((x - (width - 1) / 2) ** 2 + (y - (height - 1) / 2) ** 2) / (LAMP_REACH * width) ** 2
+        left = LAMP_LEFT + (1 - LAMP_LEFT) * np.exp(-r2)
+        noise = np.random.default_rng([2, row]).normal(0, LAMP_NOISE, image.shape)
+        return np.clip(image * left[..., None] + noise + 0.5, 0, 255).astype(np.uint8)
+
+    write(source, folder, range(len(source.frames)), color=light)
+
+
 def half_depth(source: Source, folder: Path) -> None:
     """Half of the blocks of every depth image missing, others in every frame."""
 
@@ -157,6 +173,7 @@ VERSIONS: dict[str, Callable[[Source, Path], None]] = {
     "dropped_20": dropped(0.20, 0),
     "blurred": blurred,
     "exposed": exposed,
+    "lamp": lamp,
     "half_depth": half_depth,
     "black_first": black_first,
     "rolled": rolled,

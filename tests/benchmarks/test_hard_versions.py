@@ -111,6 +111,18 @@ def test_exposure_jumps_by_a_factor_of_two_and_clips(original, version) -> None:
     assert np.abs(2 * b - a).max() <= 1
 
 
+def test_a_lamp_leaves_the_centre_as_it_is_and_three_tenths_of_the_corners(
+    original, version
+) -> None:
+    lit = version("lamp")
+    assert changed(original, lit) == list(range(60))
+    frames = [(original.read(k).color.astype(float), lit.read(k).color) for k in range(0, 60, 2)]
+    for corner, left in ((slice(0, 8), 0.305), (slice(116, 124), 1.0)):  # exp(-4.97) = 0.007 there
+        columns = corner if left < 1 else slice(156, 164)
+        a, b = (np.mean([f[k][corner, columns] for f in frames]) for k in (0, 1))
+        assert b / a == pytest.approx(left, abs=0.01)  # 5760 values of noise 2 / 100
+
+
 def test_a_frame_is_unusable_where_nearly_all_of_it_is_black_or_clipped(hard: ModuleType) -> None:
     image = np.zeros((100, 100, 3), np.uint8)
     image[:50] = 255

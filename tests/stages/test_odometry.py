@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from tests.lighting.lamp import LampLit, lamp
 from vnav.config import CaptureConfig, Config, FeaturesConfig, load
 from vnav.config.registries import DESCRIPTORS, ESTIMATORS, TRACKERS
 from vnav.core import se3
@@ -412,3 +413,53 @@ def test_arrays_make_the_same_odometry_as_the_folder_they_were_read_from(
     for path in compared:
         other = tmp_path / "arrays" / path.relative_to(tmp_path / "files")
         assert other.read_bytes() == path.read_bytes(), path
+
+
+@pytest.fixture(scope="module")
+def by_a_lamp(capture: Capture, tmp_path_factory: pytest.TempPathFactory) -> MapFolder:
+    folder = MapFolder.create(tmp_path_factory.mktemp("maps") / "by_a_lamp")
+    odometry.run(folder, LampLit(capture), CONFIG)
+    return folder
+
+
+def test_odometry_by_a_lamp_is_as_good_as_without(by_a_lamp: MapFolder, truth: np.ndarray) -> None:
+    # Without the lamp it drifts by 1.2 mm, with its noise alone by 2.4 mm; with the lamp's light
+    # taken for the room's by 0.66 m. See DRIFT for the noise.
+    result = load_odometry(by_a_lamp)
+    assert not any(result.reasons)
+    assert not result.segment.any()
+    assert ate_m(result.T_segment_camera, truth) < 0.006
+
+
+def test_the_report_says_what_light_was_taken_off(by_a_lamp: MapFolder) -> None:
+    report = by_a_lamp.report("odometry")
+    (found,) = report["values"]["light"]
+    assert found["capture"] == 0
+    off = np.log(found["corners"] / lamp(np.array(1.0)))
+    assert abs(off) < 4 * found["sigma"] + 0.005  # half a grey level of 100: they are rounded
+    assert (
+        f"brightness falls to {found['corners']:.0%} at the corners: taken off" in report["lines"]
+    )
+
+
+def test_even_light_is_not_told_of_and_leaves_no_trace(tiny_map: Path) -> None:
+    folder = MapFolder(tiny_map)
+    with np.load(folder.file("odometry", "frames.npz")) as stored:
+        assert "light" not in stored
+    assert folder.report("odometry")["values"]["light"] == []
+    assert not any("brightness" in line for line in folder.report("odometry")["lines"])
+
+
+def test_keyframes_are_kept_without_the_lamps_light(by_a_lamp: MapFolder, capture: Capture) -> None:
+    frame = load_keyframe(by_a_lamp, 0, load_odometry(by_a_lamp).frames)
+    off = frame.color.astype(float).mean((0, 1)) - capture.read(0).color.mean((0, 1))
+    assert np.abs(off).max() < 1  # of 255; the lamp takes a third of the light
+
+
+def test_the_light_may_be_left_as_it_is(
+    capture: Capture, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(odometry, "flattened", None)  # not even looked for
+    config = dataclasses.replace(CONFIG, capture=CaptureConfig(flatten="off"))
+    result = odometry.track(Cut(capture, [10]), config, tmp_path)
+    assert odometry.report(result).values["light"] == []

@@ -10,10 +10,9 @@ from dataclasses import dataclass
 from math import comb
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import nnls
 
-from vnav.core.arrays import Array
+from vnav.core.arrays import Array, Rows
 from vnav.core.robust import robust_sigma
 from vnav.lighting.followed_points import Changes
 
@@ -23,6 +22,7 @@ STRONG = 0.87  # brightness left there from which maps are harmed: docs/log.md
 SURE = 4.0  # standard deviations
 LEAST_PLACES = 8  # of the capture, else nothing is known of how surely the profile is
 ROUNDS = 10  # of reweighting
+MOST_SLACK = 10.0  # by which standard deviations grow as weights follow the fit
 LEAST_SIGMA = 1e-3  # of a logarithm of brightness: less is no noise of a camera
 
 Changed = Sequence[Changes]  # of the pairs of frames of one place of the capture
@@ -59,22 +59,27 @@ def fitted(places: Sequence[Changed]) -> LightProfile | None:
     """The profile that explains best how points changed, and how surely; None from too few places.
 
     Exposure between two frames is free. Points of a place err alike, so that the covariance is
-    that of leaving out one place at a time (jackknife).
+    that of leaving out one place at a time (jackknife), as if drops might be negative.
     """
     seen = [place for place in places if len(place)]
     if len(seen) < LEAST_PLACES:
         return None
-    pairs = [pair for place in seen for pair in place]
-    normal, right = _reweighted(pairs)
+    normal, right, slack = _reweighted([pair for place in seen for pair in place])
     of_place = np.repeat(np.arange(len(seen)), [len(place) for place in seen])
-    total, sums = normal.sum(0), right.sum(0)
+    drops = _solved(normal.sum(0), right.sum(0))
+    return LightProfile(drops, slack**2 * _jackknife(normal, right, of_place))
+
+
+def _jackknife(normal: Array, right: Array, of_place: Rows) -> Array:
+    """Covariance (D, D) of the drops by leaving out the pairs of one place at a time."""
+    total, sums, count = normal.sum(0), right.sum(0), of_place[-1] + 1
     without = []
-    for k in range(len(seen)):
+    for k in range(count):
         own = of_place == k
-        without.append(_solved(total - normal[own].sum(0), sums - right[own].sum(0)))
+        rest = _definite(total - normal[own].sum(0))
+        without.append(np.linalg.solve(rest, sums - right[own].sum(0)))
     off = np.array(without) - np.mean(without, 0)
-    covariance = (len(seen) - 1) / len(seen) * off.T @ off
-    return LightProfile(_solved(total, sums), covariance)
+    return np.asarray((count - 1) / count * off.T @ off)
 
 
 def _basis(r2: Array) -> Array:
@@ -85,10 +90,11 @@ def _basis(r2: Array) -> Array:
     return np.asarray(np.cumsum(bernstein[..., ::-1], -1)[..., -2::-1])
 
 
-def _reweighted(pairs: Changed) -> tuple[Array, Array]:
+def _reweighted(pairs: Changed) -> tuple[Array, Array, float]:
     """Normal equations (P, D, D) and (P, D) of each pair, outliers weighted down.
 
-    Weights of Geman and McClure, by the residuals' robust spread; exposures are eliminated.
+    Weights of Geman and McClure, by the residuals' robust spread; exposures are eliminated. And how
+    many times as far drops move as these equations say, as weights move with them (Huber 1981).
     """
     rows = [_basis(pair.r2_a) - _basis(pair.r2_b) for pair in pairs]
     drops, gains = np.zeros(DEGREE), [float(np.median(pair.log_ratio)) for pair in pairs]
@@ -96,19 +102,18 @@ def _reweighted(pairs: Changed) -> tuple[Array, Array]:
         zipped = zip(pairs, rows, gains, strict=True)
         off = [pair.log_ratio - row @ drops - gain for pair, row, gain in zipped]
         spread = 2 * max(float(robust_sigma(np.concatenate(off))), LEAST_SIGMA)
-        terms = [
-            _pair_terms(row, pair.log_ratio, (1 + (o / spread) ** 2) ** -2.0)
-            for pair, row, o in zip(pairs, rows, off, strict=True)
-        ]
+        weights = [(1 + (o / spread) ** 2) ** -2.0 for o in off]
+        weighted = zip(pairs, rows, weights, strict=True)
+        terms = [_pair_terms(row, pair.log_ratio, weight) for pair, row, weight in weighted]
         normal, right = (np.array([term[k] for term in terms]) for k in (0, 1))
         drops = _solved(normal.sum(0), right.sum(0))
         gains = [float(mean_y - mean_x @ drops) for _, _, mean_x, mean_y in terms]
-    return normal, right
+    weight = np.concatenate(weights)
+    slope = weight * (4 * np.sqrt(weight) - 3)  # of the weighted residual, by the residual
+    return normal, right, float(min(weight.sum() / max(slope.sum(), 1e-9), MOST_SLACK))
 
 
-def _pair_terms(
-    x: Array, y: Array, weight: Array
-) -> tuple[Array, Array, Array, NDArray[np.float64]]:
+def _pair_terms(x: Array, y: Array, weight: Array) -> tuple[Array, Array, Array, Array]:
     """Normal equations of a pair without its exposure, and its weighted means."""
     mean_x, mean_y = weight @ x / weight.sum(), np.asarray(weight @ y / weight.sum())
     weighted = weight[:, None] * (x - mean_x)
@@ -117,6 +122,10 @@ def _pair_terms(
 
 def _solved(normal: Array, right: Array) -> Array:
     """The drops that fit best of those that are not negative."""
-    size = np.trace(normal) / DEGREE
-    root = np.linalg.cholesky(normal + (1e-9 * size + 1e-12) * np.eye(DEGREE))
+    root = np.linalg.cholesky(_definite(normal))
     return np.asarray(nnls(root.T, np.linalg.solve(root, right))[0])
+
+
+def _definite(normal: Array) -> Array:
+    """Normal equations that can be solved although points tell of some drops only."""
+    return np.asarray(normal + (1e-9 * np.trace(normal) / DEGREE + 1e-12) * np.eye(DEGREE))
