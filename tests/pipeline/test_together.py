@@ -1,5 +1,6 @@
 """Several captures that are one map: a room by two cameras, and what does not belong there."""
 
+import dataclasses
 import hashlib
 import shutil
 from collections.abc import Iterator, Sequence
@@ -20,11 +21,17 @@ from vnav.io.formats.trajectories import read_tum
 from vnav.io.sources.capture import Capture
 from vnav.io.sources.open_capture import open_capture
 from vnav.io.sources.subset import Subset
-from vnav.io.store.artifacts import load_odometry, load_optimised
+from vnav.io.store.artifacts import (
+    copy_keyframes,
+    load_odometry,
+    load_optimised,
+    save_odometry,
+)
 from vnav.io.store.map_folder import PARTS, STAGES, MapFolder
 from vnav.pipeline.build import build
 from vnav.pipeline.extend import extend, made_with
-from vnav.pipeline.joining import TrackTask, in_turn, track_alone
+from vnav.pipeline.joining import TrackTask, in_turn, track_alone, track_together
+from vnav.stages.odometry import described
 
 CONFIG = Config(
     features=FeaturesConfig(max_features=700),
@@ -211,3 +218,26 @@ def test_a_capture_that_bridges_two_joins_both(tiny_capture: Path, tmp_path: Pat
     assert any("is kept as a part of its own" in w for w in built.reports[-2].warnings)
     extend(folder, Renamed(whole, range(8, 40), "bridge"), made_with(folder))
     assert np.isfinite(load_optimised(folder).T_world_camera).all()
+
+
+def test_the_light_of_each_capture_is_told_of(
+    tiny_map: Path, tiny_capture: Path, tmp_path: Path
+) -> None:
+    before, capture = load_odometry(MapFolder(tiny_map)), opened(tiny_capture)
+    lights = np.array([[1, 0], [0.3, 0.01]], np.float32)
+
+    def track_all(tasks: Sequence[TrackTask]) -> Iterator[tuple[int, Report]]:
+        for k, task in enumerate(tasks):
+            folder = MapFolder.create(task.place)
+            with folder.writing("odometry", {}, {}) as draft:
+                save_odometry(draft, dataclasses.replace(before, light=lights[k : k + 1]))
+                copy_keyframes(MapFolder(tiny_map), draft)
+            folder.set_captures([described(0, task.capture)])
+            yield k, Report("odometry", {})
+
+    folder = MapFolder.create(tmp_path / "map")
+    entries = [described(k, capture) for k in range(2)]
+    report = track_together(folder, [capture] * 2, entries, CONFIG, track_all)
+    assert report.values["light"] == [{"capture": 1, "corners": 0.3, "sigma": 0.01}]
+    assert "capture 1: brightness falls to 30% at the corners: taken off" in report.lines
+    np.testing.assert_array_equal(load_odometry(folder).light, lights)

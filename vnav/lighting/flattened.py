@@ -20,7 +20,7 @@ from vnav.threads import one_opencv_thread
 
 PLACES = 24  # of the capture at which frames are compared, evenly
 STEPS = 0, 1, 4  # frames of a place: the first is compared with the others
-MOST_GAIN = 4.0  # more would make images of noise
+MOST_GAIN = 10.0  # more would make images of noise; with 4, light that is left harms: docs/log.md
 
 
 class Flattened:
