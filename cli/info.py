@@ -39,6 +39,9 @@ def _lines(values: dict[str, Any]) -> Iterator[tuple[str, str]]:
     for span in values.get("lost", []):
         where = f"{span['first']} to {span['last']} of capture {span['capture']}"
         yield "no pose", f"frames {where}: {span['reason']}"
+    for light in values.get("light", []):
+        left = f"brightness falls to {light['corners']:.0%} at the corners: taken off"
+        yield "light", f"capture {light['capture']}: {left}"
     if "loops" in values:
         loops = values["loops"]
         near = f"{loops['neighbours_accepted']} of {loops['neighbours_tried']} pairs of neighbours"

@@ -104,6 +104,13 @@ def test_a_camera_that_stands_still_tells_nothing_of_its_light(capture: Capture)
     assert even(still)[0] is still
 
 
+def test_progress_ends_at_the_last_place(capture: Capture) -> None:
+    seen: list[tuple[str, int, int]] = []
+    with ThreadPoolExecutor(2) as pool:
+        light_of(capture, pool, lambda *step: seen.append(step))
+    assert seen == [("measuring light", k, 12) for k in range(1, 13)]  # one for every 5 frames
+
+
 def test_a_few_frames_tell_nothing_and_are_not_read(capture: Capture) -> None:
     few = Subset(Damaged(capture), range(39))
     assert even(few)[0] is few

@@ -28,6 +28,7 @@ from vnav.io.store.artifacts import (
     save_odometry,
 )
 from vnav.io.store.map_folder import PARTS, STAGES, MapFolder
+from vnav.io.store.overview import overview
 from vnav.pipeline.build import build
 from vnav.pipeline.extend import extend, made_with
 from vnav.pipeline.joining import TrackTask, in_turn, track_alone, track_together
@@ -241,3 +242,4 @@ def test_the_light_of_each_capture_is_told_of(
     assert report.values["light"] == [{"capture": 1, "corners": 0.3, "sigma": 0.01}]
     assert "capture 1: brightness falls to 30% at the corners: taken off" in report.lines
     np.testing.assert_array_equal(load_odometry(folder).light, lights)
+    assert overview(folder)["light"] == report.values["light"]

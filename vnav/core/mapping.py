@@ -140,6 +140,15 @@ class Odometry:
         """Row (K,) of each keyframe in the frame table, ascending."""
         return np.array([keyframe.row for keyframe in self.keyframes], np.intp)
 
+    @property
+    def taken_off(self) -> list[dict[str, Any]]:
+        """As plain values, which captures' light was made even, and how bright the corners were."""
+        return [
+            {"capture": k, "corners": round(float(left), 4), "sigma": round(float(sigma), 4)}
+            for k, (left, sigma) in enumerate(self.light)
+            if left < 1
+        ]
+
 
 @dataclass(frozen=True)
 class LoopVerdict:

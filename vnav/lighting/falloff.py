@@ -90,7 +90,7 @@ def _basis(r2: Array) -> Array:
     return np.asarray(np.cumsum(bernstein[..., ::-1], -1)[..., -2::-1])
 
 
-def _reweighted(pairs: Changed) -> tuple[Array, Array, float]:
+def _reweighted(pairs: Sequence[Changes]) -> tuple[Array, Array, float]:
     """Normal equations (P, D, D) and (P, D) of each pair, outliers weighted down.
 
     Weights of Geman and McClure, by the residuals' robust spread; exposures are eliminated. And how

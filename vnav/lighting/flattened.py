@@ -11,6 +11,7 @@ from vnav.core.arrays import Array, Floats
 from vnav.core.camera import Camera
 from vnav.core.frame import Frame
 from vnav.core.mapping import EVEN_LIGHT
+from vnav.core.progress import Progress, silent
 from vnav.core.trajectory import Trajectory
 from vnav.errors import CaptureError
 from vnav.io.sources.capture import Capture
@@ -79,29 +80,37 @@ def _gain(size: tuple[int, int], profile: LightProfile) -> Floats:
     return np.repeat(gain[..., None], 3, -1)
 
 
-def flattened(capture: Capture, pool: ThreadPoolExecutor) -> tuple[Capture, Floats]:
+def flattened(
+    capture: Capture, pool: ThreadPoolExecutor, progress: Progress = silent
+) -> tuple[Capture, Floats]:
     """The capture without the falloff of its light, and what that was, as `Odometry.light` says.
 
     The capture itself where the light does not fall off surely and strongly.
     """
-    profile = light_of(capture, pool)
+    profile = light_of(capture, pool, progress)
     if profile is None or not profile.is_strong:
         return capture, EVEN_LIGHT
     light = np.array([[profile.brightness(1.0), profile.sigma(1.0)]], np.float32)
     return Flattened(capture, profile), light
 
 
-def light_of(capture: Capture, pool: ThreadPoolExecutor) -> LightProfile | None:
+def light_of(
+    capture: Capture, pool: ThreadPoolExecutor, progress: Progress = silent
+) -> LightProfile | None:
     """The light of a capture, by some of its frames; None where they are too few to tell.
 
-    A frame that cannot be read is left out.
+    A place with a frame that cannot be read is left out.
     """
     places = min(PLACES, len(capture) // (STEPS[-1] + 1))
     if places < LEAST_PLACES:
         return None
     first = np.linspace(0, len(capture) - 1 - STEPS[-1], places).astype(int)
+    found = []
     with one_opencv_thread:
-        return fitted(list(pool.map(lambda row: _place(capture, row), first.tolist())))
+        for place in pool.map(lambda row: _place(capture, row), first.tolist()):
+            found.append(place)
+            progress("measuring light", len(found), places)
+        return fitted(found)
 
 
 def _place(capture: Capture, row: int) -> Changed:

@@ -88,7 +88,7 @@ def track(
     with ThreadPoolExecutor(os.cpu_count()) as pool:
         light = EVEN_LIGHT
         if config.capture.flatten == "auto":
-            capture, light = flattened(capture, pool)
+            capture, light = flattened(capture, pool, progress)
         written = []
         is_described = given is not None or config.tracking.method == DESCRIPTORS
         describer = FrameDescriber(config) if is_described else None
@@ -192,19 +192,10 @@ def report(odometry: Odometry) -> Report:
         f"{frames.span_text(span.capture, span.first, span.last)} lost: {span.reason}"
         for span in spans
     )
-    light, (moving, unmasked) = _light(odometry), _moving(odometry)
+    light, (moving, unmasked) = odometry.taken_off, _moving(odometry)
     lines = line, *_light_lines(light, len(odometry.light)), *_moving_line(moving)
     values |= {"light": light, "moving": moving}
     return Report("odometry", values, lines, warnings + unmasked)
-
-
-def _light(odometry: Odometry) -> list[dict[str, Any]]:
-    """What was taken off the light of which captures: brightness left at the corners."""
-    return [
-        {"capture": k, "corners": round(float(left), 4), "sigma": round(float(sigma), 4)}
-        for k, (left, sigma) in enumerate(odometry.light)
-        if left < 1
-    ]
 
 
 def _light_lines(light: list[dict[str, Any]], captures: int) -> tuple[str, ...]:

@@ -27,8 +27,8 @@ def overview(folder: MapFolder) -> dict[str, Any]:
     located pose or None), ``quality`` (the verdict on the map and its reasons, None before it is
     finished).
     With odometry: ``frames, tracked, posed, keyframes, lost`` (spans of one capture, with the
-    reason). With loops: ``loops``, as `counted` has them. With
-    optimise: ``landmarks, world, path_m``. With fuse: ``grid`` (size, area of each state).
+    reason), ``light`` that was taken off captures. With loops: ``loops``, as `counted` has them.
+    With optimise: ``landmarks, world, path_m``. With fuse: ``grid`` (size, area of each state).
     """
     states = {stage: _state(folder, stage) for stage in STAGES}
     current = {stage for stage, state in states.items() if state == "current"}
@@ -82,6 +82,7 @@ def _frames(folder: MapFolder, is_optimised: bool) -> dict[str, Any]:
         "frames": len(reasons),
         "tracked": tracked,
         "keyframes": len(odometry.keyframes),
+        "light": odometry.taken_off,
     }
     if is_optimised:
         result = load_optimised(folder)
