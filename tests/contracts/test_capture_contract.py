@@ -85,14 +85,25 @@ def write_seven_scenes(root: Path, recording: Recording) -> None:
         write(root, recording, k, f"frame-{k:06d}.color.png", f"frame-{k:06d}.depth.png")
 
 
+def film(path: Path, images: np.ndarray) -> None:
+    """A video of BGR (N, H, W, 3) or 16-bit images (N, H, W), by a codec that loses nothing."""
+    kind = [cv2.VIDEOWRITER_PROP_IS_COLOR, int(images.ndim == 4)]
+    kind += [cv2.VIDEOWRITER_PROP_DEPTH, cv2.CV_8U if images.ndim == 4 else cv2.CV_16U]
+    codec, size = cv2.VideoWriter_fourcc(*"FFV1"), (images.shape[2], images.shape[1])
+    writer = cv2.VideoWriter(str(path), cv2.CAP_FFMPEG, codec, 10.0, size, kind)
+    for image in images:
+        writer.write(np.ascontiguousarray(image))
+    writer.release()
+
+
+def write_videos(root: Path, recording: Recording) -> None:
+    film(root / "color.avi", recording.color[..., ::-1])
+    film(root / "depth.avi", recording.depth)
+
+
 def write_stray_scanner(root: Path, recording: Recording) -> None:
-    """Colour in a video, with a codec that loses nothing."""
-    film = cv2.VideoWriter(
-        str(root / "rgb.mp4"), cv2.VideoWriter_fourcc(*"FFV1"), 10, (WIDTH, HEIGHT)
-    )
-    for image in recording.color:
-        film.write(np.ascontiguousarray(image[..., ::-1]))
-    film.release()
+    """Colour in a video."""
+    film(root / "rgb.mp4", recording.color[..., ::-1])
     (root / "depth").mkdir(exist_ok=True)
     for k in range(FRAMES):
         cv2.imwrite(str(root / "depth" / f"{k:06d}.png"), recording.depth[k])
@@ -127,6 +138,7 @@ WRITERS: dict[str, Callable[[Path, Recording], None]] = {
     "Stray Scanner": write_stray_scanner,
     "Polycam": write_polycam,
     "colour and depth folders": write_color_depth,
+    "videos": write_videos,
 }
 
 
@@ -174,6 +186,12 @@ def capture(source: Source, tmp_path: Path) -> Capture:
 
 @pytest.fixture(params=WRITERS)
 def folder(request: pytest.FixtureRequest, tmp_path: Path) -> FolderCapture:
+    return written(request.param, tmp_path / "capture", recorded())
+
+
+@pytest.fixture(params=[name for name in WRITERS if name != "videos"])
+def with_depth_images(request: pytest.FixtureRequest, tmp_path: Path) -> FolderCapture:
+    """A folder with a file for each depth image."""
     return written(request.param, tmp_path / "capture", recorded())
 
 
@@ -281,8 +299,10 @@ def test_image_files_can_be_checked_where_there_are_some(folder: FolderCapture) 
     assert not isinstance(in_memory(folder.root, recorded()), FileBacked)
 
 
-def test_a_damaged_file_is_named_and_the_other_frames_are_read(folder: FolderCapture) -> None:
-    pairs = folder.files.pairs
+def test_a_damaged_file_is_named_and_the_other_frames_are_read(
+    with_depth_images: FolderCapture,
+) -> None:
+    folder, pairs = with_depth_images, with_depth_images.files.pairs
     spoilt = [(1, "color"), (2, "depth")]
     if pairs[1].color.video_frame is not None:  # one file holds all colour
         spoilt = [(2, "depth")]
@@ -297,11 +317,11 @@ def test_a_damaged_file_is_named_and_the_other_frames_are_read(folder: FolderCap
     assert folder.read(4).depth_m.any()
 
 
-def test_an_image_of_another_size_is_named(folder: FolderCapture) -> None:
-    path = folder.files.pairs[1].depth.path
+def test_an_image_of_another_size_is_named(with_depth_images: FolderCapture) -> None:
+    path = with_depth_images.files.pairs[1].depth.path
     cv2.imwrite(str(path), np.ones((8, 8), np.uint16))
     with pytest.raises(CaptureError, match=f"expected 32 x 24 pixels in {path}.*found 8 x 8"):
-        folder.read(1)
+        with_depth_images.read(1)
 
 
 def test_files_beside_the_frames_and_their_dates_are_no_part_of_the_fingerprint(

@@ -63,7 +63,7 @@ class FolderCapture:
         color = lens.color(color)
         depth_m = no_depth(*color.shape[:2])
         if pair.depth is not None:
-            raw, sensor = _believed(pair.depth, pair.confidence), camera.depth or camera.color
+            raw, sensor = self._depth(pair.depth, pair.confidence), camera.depth or camera.color
             _require_size(pair.depth.path, raw, sensor.size, "depth")
             depth_m = lens.depth_m(raw)
         return Frame(0, index, pair.color.stamp_s, color, depth_m, rectified(camera))
@@ -71,7 +71,16 @@ class FolderCapture:
     def _color(self, image: ImageFile) -> NDArray[np.uint8]:
         if image.video_frame is None:
             return read_image(image.path)
-        return self._videos.setdefault(image.path, Video(image.path)).read(image.video_frame)
+        return self._video(image).read(image.video_frame)
+
+    def _depth(self, image: ImageFile, confidence: ImageFile | None) -> NDArray[np.uint16]:
+        """Depth as stored, 0 where its confidence is."""
+        if image.video_frame is None:
+            return _believed(read_depth(image.path), image, confidence)
+        return _believed(self._video(image).read_depth(image.video_frame), image, confidence)
+
+    def _video(self, image: ImageFile) -> Video:
+        return self._videos.setdefault(image.path, Video(image.path))
 
     def fingerprint(self) -> str:
         """A hash of the capture's content: camera, and each frame's times, file names and bytes."""
@@ -85,9 +94,9 @@ class FolderCapture:
         return hashlib.sha256(text.encode()).hexdigest()
 
 
-def _believed(depth: ImageFile, confidence: ImageFile | None) -> NDArray[np.uint16]:
-    """Depth as stored, 0 where its confidence is."""
-    raw = read_depth(depth.path)
+def _believed(
+    raw: NDArray[np.uint16], depth: ImageFile, confidence: ImageFile | None
+) -> NDArray[np.uint16]:
     if confidence is None:
         return raw
     levels = read_gray(confidence.path)

@@ -15,7 +15,7 @@ from vnav.io.cameras.tool_files import files_beside
 from vnav.io.formats.camera_file import preset_path, read_camera
 from vnav.io.formats.trajectories import read_tum
 from vnav.io.recordings.ros_bag import is_ros_bag
-from vnav.io.sources import color_depth, polycam, seven_scenes, stray_scanner, tum
+from vnav.io.sources import color_depth, polycam, seven_scenes, stray_scanner, tum, videos
 from vnav.io.sources.folder_capture import FolderCapture
 from vnav.io.sources.frame_list import FrameList
 from vnav.io.sources.proposed_camera import no_camera
@@ -40,7 +40,14 @@ class CaptureFormat(Protocol):
         """The true trajectory of the colour camera; for scoring only."""
 
 
-FORMATS: tuple[CaptureFormat, ...] = (tum, seven_scenes, stray_scanner, polycam, color_depth)
+FORMATS: tuple[CaptureFormat, ...] = (
+    tum,
+    seven_scenes,
+    stray_scanner,
+    polycam,
+    color_depth,
+    videos,
+)
 
 
 def open_capture(
