@@ -16,7 +16,7 @@ from vnav.core.trajectory import Trajectory
 from vnav.errors import CaptureError
 from vnav.io.sources.capture import Capture
 from vnav.lighting.falloff import LEAST_PLACES, Changed, LightProfile, fitted
-from vnav.lighting.followed_points import changes, view
+from vnav.lighting.followed_points import changes, lit_image
 from vnav.threads import one_opencv_thread
 
 PLACES = 24  # of the capture at which frames are compared, evenly
@@ -116,7 +116,7 @@ def light_of(
 def _place(capture: Capture, row: int) -> Changed:
     """How points changed from a frame to those soon after."""
     try:
-        seen = [view(capture.read(row + k).color) for k in STEPS]
+        seen = [lit_image(capture.read(row + k).color) for k in STEPS]
     except CaptureError:
         return []
     found = [changes(seen[0], other) for other in seen[1:]]

@@ -22,7 +22,7 @@ Image = NDArray[np.uint8]
 
 
 @dataclass(frozen=True)
-class View:
+class LitImage:
     """A frame made small.
 
     ``even`` (h, w) uint8: brightness as it differs from what is around, whatever the light;
@@ -47,7 +47,7 @@ class Changes:
     log_ratio: NDArray[np.float64]
 
 
-def view(color: Image) -> View:
+def lit_image(color: Image) -> LitImage:
     """What is compared of a colour image (H, W, 3)."""
     height, width = color.shape[:2]
     size = WIDTH_PX, max(1, round(height * WIDTH_PX / width))
@@ -58,10 +58,10 @@ def view(color: Image) -> View:
     even = np.clip(128 + 40 * off / np.maximum(spread, 3), 0, 255).astype(np.uint8)
     reach = np.ones((9, 9), np.uint8)
     peak = cv2.dilate(small.max(-1), reach)
-    return View(even, np.asarray(cv2.GaussianBlur(grey, (0, 0), SOFT_PX)), np.asarray(peak))
+    return LitImage(even, np.asarray(cv2.GaussianBlur(grey, (0, 0), SOFT_PX)), np.asarray(peak))
 
 
-def changes(a: View, b: View) -> Changes | None:
+def changes(a: LitImage, b: LitImage) -> Changes | None:
     """How the brightness of points of a changed in b; None where too few are found again."""
     if a.even.shape != b.even.shape:
         return None
