@@ -11,6 +11,7 @@ from vnav.config import Config
 from vnav.config.registries import TRACKERS
 from vnav.errors import CaptureError
 from vnav.evaluation.tracker_matches import TrackerPair, match_by_all, table
+from vnav.reporting.picture_legend import ROW_PX
 from vnav.reporting.tracks_picture import TITLE_PX, draw
 
 A, B = 3, 4
@@ -78,4 +79,4 @@ def test_the_picture_shows_both_frames_once_for_each_tracker(
     draw(pair, tmp_path / "tracks.png")
     height, width = pair.a.depth_m.shape
     shape = cv2.imread(str(tmp_path / "tracks.png")).shape
-    assert shape == (len(TRACKERS) * (height + TITLE_PX), 2 * width, 3)
+    assert shape == (len(TRACKERS) * (height + TITLE_PX) + ROW_PX, 2 * width, 3)  # the legend
