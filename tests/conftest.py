@@ -45,6 +45,20 @@ def tiny_capture(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="session")
+def short_capture(tmp_path_factory: pytest.TempPathFactory, tiny_capture: Path) -> Path:
+    """The first 36 frames of it, which see what its first two photos do: quick to map."""
+    folder = tmp_path_factory.mktemp("captures") / "short"
+    folder.mkdir()
+    for entry in tiny_capture.iterdir():
+        if entry.suffix == ".txt" and entry.name != "groundtruth.txt":
+            lines = entry.read_text().splitlines(keepends=True)
+            (folder / entry.name).write_text("".join(lines[:37]))  # the first is a remark
+        else:
+            (folder / entry.name).symlink_to(entry)
+    return folder
+
+
+@pytest.fixture(scope="session")
 def tiny_map(tmp_path_factory: pytest.TempPathFactory, tiny_capture: Path) -> Path:
     """A map of that room by the stages themselves, up to optimise, from half the usual features."""
     from vnav.config import CaptureConfig, Config, FeaturesConfig

@@ -37,16 +37,16 @@ def commands(document: Path) -> list[str]:
     "document", [d for d in DOCUMENTS if commands(d)], ids=lambda document: document.name
 )
 def test_the_commands_of_a_document_run(
-    document: Path, tiny_capture: Path, other_capture: Path, board_photos: Path, tmp_path: Path
+    document: Path, short_capture: Path, other_capture: Path, board_photos: Path, tmp_path: Path
 ) -> None:
-    (tmp_path / "my_capture").symlink_to(tiny_capture)
+    (tmp_path / "my_capture").symlink_to(short_capture)
     (tmp_path / "my_other_capture").symlink_to(other_capture)
     shutil.copytree(board_photos, tmp_path / "board_photos")
-    write_ros1(tmp_path / "my_recording", recorded(tiny_capture, 12))
-    photos = sorted((tiny_capture / "photos").glob("*.jpg"))
+    write_ros1(tmp_path / "my_recording", recorded(short_capture, 12))
+    photos = sorted((short_capture / "photos").glob("*.jpg"))
     for name, photo in zip(("photo.jpg", "goal.jpg"), photos, strict=False):
         shutil.copy(photo, tmp_path / name)
-    shutil.copy(tiny_capture / "photos" / "camera.toml", tmp_path)
+    shutil.copy(short_capture / "photos" / "camera.toml", tmp_path)
     (tmp_path / "my_suite.toml").write_text(SUITE)
     path = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
     for command in commands(document):

@@ -41,18 +41,18 @@ def front_end(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -
 
 
 def test_a_map_is_built_a_photo_located_and_a_path_planned(
-    front_end: str, tiny_capture: Path, tmp_path: Path
+    front_end: str, short_capture: Path, tmp_path: Path
 ) -> None:
     config = vnav.load_config(None, [f"features.front_end={front_end}"])
-    made = vnav.build_map(tiny_capture, tmp_path / "map", config=config)
-    off = vnav.score(made.trajectory(), tiny_capture / "groundtruth.txt")
-    assert off.pairs == 60
+    made = vnav.build_map(short_capture, tmp_path / "map", config=config)
+    off = vnav.score(made.trajectory(), short_capture / "groundtruth.txt")
+    assert off.pairs == 36
     assert off.ate.translation_m.rmse < ATE_M
 
-    answers = made.locate_all(sorted((tiny_capture / "photos").glob("*.jpg")))
+    answers = made.locate_all(sorted((short_capture / "photos").glob("*.jpg")))
     located = [answer for answer in answers if answer.located]
     assert len(located) >= 2
-    truth = read_photo_poses(tiny_capture / "photos" / "groundtruth.txt")
+    truth = read_photo_poses(short_capture / "photos" / "groundtruth.txt")
     for answer in located:
         wanted = off.ate.T_truth_world @ answer.T_world_camera
         assert np.linalg.norm((wanted - truth[answer.path.name])[:3, 3]) < OFF_M
