@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from vnav.cli.options import console_progress, named_png, warn
+from vnav.cli.options import console_progress, png_option, warn
 from vnav.cli.say import say
 
 if TYPE_CHECKING:
@@ -74,13 +74,7 @@ def _sides(_context: click.Context, _option: click.Parameter, squares: str) -> t
     type=click.FloatRange(min=0, min_open=True),
     help="Of depth on the pixels of colour, 1000 for millimetres, for [depth] of the file.",
 )
-@click.option(
-    "--png",
-    "png_file",
-    type=click.Path(path_type=Path),
-    callback=named_png,
-    help="Draw corners, residuals and an undistorted image, too, into a .png.",
-)
+@png_option("Draw corners, residuals and an undistorted image, too, into a .png.")
 @click.option("--json", "as_json", is_flag=True, help="Print everything as one JSON object.")
 def calibrate(
     folder: Path | None,

@@ -6,7 +6,7 @@ from pathlib import Path
 import click
 
 from vnav.cli.build_map import camera_option, capture_argument
-from vnav.cli.options import config_options, console_progress, named_png
+from vnav.cli.options import config_options, console_progress, png_option
 from vnav.cli.say import say
 
 
@@ -14,13 +14,7 @@ from vnav.cli.say import say
 @capture_argument
 @config_options
 @camera_option
-@click.option(
-    "--png",
-    "png_file",
-    type=click.Path(path_type=Path),
-    callback=named_png,
-    help="Draw six frames into a .png: colour, and over it the edges of depth.",
-)
+@png_option("Draw six frames into a .png: colour, and over it the edges of depth.")
 @click.option("--json", "as_json", is_flag=True, help="Print the report as one JSON object.")
 def check(
     capture_dir: Path,

@@ -32,6 +32,8 @@ def info(map_dir: Path, as_json: bool) -> None:
 
 
 def _lines(values: dict[str, Any]) -> Iterator[tuple[str, str]]:
+    from vnav.core.mapping import light_text
+
     yield from _head(values)
     if "frames" in values:
         frames = f"{values['tracked']} of {values['frames']} tracked"
@@ -40,8 +42,7 @@ def _lines(values: dict[str, Any]) -> Iterator[tuple[str, str]]:
         where = f"{span['first']} to {span['last']} of capture {span['capture']}"
         yield "no pose", f"frames {where}: {span['reason']}"
     for light in values.get("light", []):
-        left = f"brightness falls to {light['corners']:.0%} at the corners: taken off"
-        yield "light", f"capture {light['capture']}: {left}"
+        yield "light", f"capture {light['capture']}: {light_text(light['corners'])}"
     if "loops" in values:
         loops = values["loops"]
         near = f"{loops['neighbours_accepted']} of {loops['neighbours_tried']} pairs of neighbours"

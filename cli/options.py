@@ -29,7 +29,13 @@ map_option = click.option(
 )
 
 
-def named_png(_context: click.Context, _option: click.Parameter, path: Path | None) -> Path | None:
+def png_option(help: str) -> Callable[[Command], Command]:
+    """Add --png FILE, which arrives as ``png_file``."""
+    path = click.Path(path_type=Path)
+    return click.option("--png", "png_file", type=path, callback=_named_png, help=help)
+
+
+def _named_png(_context: click.Context, _option: click.Parameter, path: Path | None) -> Path | None:
     """UsageError where a picture would get the name of something else."""
     is_device = path is not None and path.exists() and not path.is_file()
     if path is not None and path.suffix.lower() != ".png" and not is_device:

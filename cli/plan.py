@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from vnav.cli.locate import CAMERA_HELP
-from vnav.cli.options import config_options, map_option, named_png, warn
+from vnav.cli.options import config_options, map_option, png_option, warn
 from vnav.cli.say import say
 
 if TYPE_CHECKING:
@@ -84,13 +84,7 @@ if TYPE_CHECKING:
     type=click.Path(path_type=Path),
     help="Write a nav_msgs/Path for ROS 2 and Nav2 too.",
 )
-@click.option(
-    "--png",
-    "png_file",
-    type=click.Path(path_type=Path),
-    callback=named_png,
-    help="Draw the path too, into a .png.",
-)
+@png_option("Draw the path too, into a .png.")
 def plan(
     start: str,
     goal: str,

@@ -6,7 +6,7 @@ from pathlib import Path
 import click
 
 from vnav.cli.build_map import camera_option, capture_argument
-from vnav.cli.options import config_options, named_png
+from vnav.cli.options import config_options, png_option
 from vnav.cli.say import say
 
 
@@ -16,13 +16,7 @@ from vnav.cli.say import say
 @click.argument("b", type=int)
 @config_options
 @camera_option
-@click.option(
-    "--png",
-    "png_file",
-    type=click.Path(path_type=Path),
-    callback=named_png,
-    help="Draw the matches too, into a .png: green right, red wrong.",
-)
+@png_option("Draw the matches too, into a .png: green right, red wrong.")
 @click.option("--json", "as_json", is_flag=True, help="Print the table as one JSON array.")
 def tracks(
     capture_dir: Path,

@@ -1,6 +1,5 @@
 """The Dockerfile, by the script that carries it out where there is no docker; no command is run."""
 
-import importlib.util
 import re
 import tomllib
 from pathlib import Path
@@ -8,6 +7,7 @@ from types import ModuleType, SimpleNamespace
 
 import pytest
 
+from tests.scripts import loaded
 from tests.test_packaging import SOURCES
 
 ROOT = Path(__file__).parent.parent
@@ -17,13 +17,7 @@ README = (ROOT / "README.md").read_text("utf-8")
 
 @pytest.fixture(scope="module")
 def script() -> ModuleType:
-    path = ROOT / ".ci" / "dockerfile_in_chroot.py"
-    spec = importlib.util.spec_from_file_location(path.stem, path)
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
+    return loaded(ROOT / ".ci" / "dockerfile_in_chroot.py")
 
 
 @pytest.fixture(scope="module")

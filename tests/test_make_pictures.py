@@ -1,6 +1,5 @@
 """docs/make_pictures.py, which `make pictures` runs: with a small map in the demo's place."""
 
-import importlib.util
 import shutil
 from pathlib import Path
 from types import ModuleType, SimpleNamespace
@@ -8,18 +7,14 @@ from types import ModuleType, SimpleNamespace
 import pytest
 
 import vnav
+from tests.scripts import loaded
 
 SCRIPT = Path(__file__).parent.parent / "docs" / "make_pictures.py"
 
 
 @pytest.fixture
 def make_pictures() -> ModuleType:
-    spec = importlib.util.spec_from_file_location("make_pictures", SCRIPT)
-    assert spec is not None
-    assert spec.loader is not None
-    script = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(script)
-    return script
+    return loaded(SCRIPT)
 
 
 def test_every_picture_of_the_docs_can_be_drawn(

@@ -1,6 +1,5 @@
 """The site of the documentation: every page is in it, and it needs no network."""
 
-import importlib.util
 import re
 import shutil
 from collections.abc import Iterator
@@ -13,6 +12,7 @@ import pytest
 import yaml
 
 from tests.browser import CHROMIUM, Browser
+from tests.scripts import loaded
 from tests.test_docs import PAGES, ROOT
 
 MISSING = "needs mkdocs-material (pip install '.[docs]')"
@@ -48,12 +48,7 @@ def test_the_navigation_lists_every_page_once() -> None:
 
 @pytest.fixture(scope="module")
 def make_site() -> ModuleType:
-    spec = importlib.util.spec_from_file_location("make_site", ROOT / "docs" / "make_site.py")
-    assert spec is not None
-    assert spec.loader is not None
-    script = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(script)
-    return script
+    return loaded(ROOT / "docs" / "make_site.py")
 
 
 @pytest.fixture(scope="module")

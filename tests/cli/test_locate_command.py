@@ -3,7 +3,6 @@
 import gc
 import json
 import shutil
-import signal
 import subprocess
 import sys
 from collections.abc import Iterable, Iterator, Sequence
@@ -15,6 +14,7 @@ import numpy as np
 import pytest
 from click.testing import CliRunner, Result
 
+from tests.cli.processes import running, stopped
 from vnav.api.locate_many import shares
 from vnav.api.map import Map
 from vnav.cli.main import cli
@@ -228,34 +228,19 @@ def test_photos_are_named_in_one_way(arguments: list[str], found: str) -> None:
         run(*arguments)
 
 
-def interruptible() -> None:
-    """What a shell starts in the background is not, nor what that starts; no more than a minute."""
-    signal.signal(signal.SIGINT, signal.default_int_handler)
-    signal.alarm(60)
-
-
 def test_a_folder_is_watched_until_it_is_interrupted(
     indexed: Path, photos: Path, tmp_path: Path
 ) -> None:
     """Each answer arrives before the next photo does; nothing but answers on stdout."""
-    watched = [sys.executable, "-P", "-m", "vnav", "locate", "--watch", tmp_path, "--map", indexed]
     shutil.copy(photos / "camera.toml", tmp_path)
-    with subprocess.Popen(
-        watched,
-        cwd="/",
-        text=True,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        preexec_fn=interruptible,
-    ) as process:
+    with running("locate", "--watch", tmp_path, "--map", indexed) as process:
         assert process.stdout is not None
         for photo in sorted(photos.glob("*.jpg"))[:2]:
             part = shutil.copy(photo, tmp_path / f"{photo.name}.part")
             Path(part).rename(tmp_path / photo.name)
             answer = json.loads(process.stdout.readline())
             assert (answer["photo"], answer["located"]) == (str(tmp_path / photo.name), True)
-        process.send_signal(signal.SIGINT)
-        rest, said = process.communicate(timeout=60)
+        rest, said = stopped(process)
     assert process.returncode == 130
     assert rest == ""
     assert "2 of 2 located" in said.splitlines()

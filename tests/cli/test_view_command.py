@@ -1,14 +1,10 @@
 """vnav view as a user calls it."""
 
-import os
-import signal
-import subprocess
-import sys
 import time
 import urllib.request
 from pathlib import Path
 
-from tests.cli.test_locate_command import interruptible
+from tests.cli.processes import running, stopped
 
 
 def test_the_address_is_printed_and_served_until_it_is_interrupted(
@@ -18,15 +14,7 @@ def test_the_address_is_printed_and_served_until_it_is_interrupted(
     browser, opened = tmp_path / "browser", tmp_path / "opened"
     browser.write_text(f'#!/bin/sh\necho "$1" > {opened}.part\nmv {opened}.part {opened}\n')
     browser.chmod(0o755)
-    with subprocess.Popen(
-        [sys.executable, "-P", "-m", "vnav", "view", fused_map],
-        env=os.environ | {"BROWSER": str(browser)},
-        cwd="/",
-        text=True,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        preexec_fn=interruptible,
-    ) as process:
+    with running("view", fused_map, BROWSER=str(browser)) as process:
         assert process.stdout is not None
         address = process.stdout.readline().strip()
         with urllib.request.urlopen(address, timeout=60) as answer:
@@ -34,8 +22,7 @@ def test_the_address_is_printed_and_served_until_it_is_interrupted(
         latest = time.monotonic() + 60
         while not opened.exists() and time.monotonic() < latest:
             time.sleep(0.02)
-        process.send_signal(signal.SIGINT)
-        rest, said = process.communicate(timeout=60)
+        rest, said = stopped(process)
     assert process.returncode == 130
     assert rest == ""
     assert said.splitlines()[-1] == "vnav: interrupted; what was finished is kept"

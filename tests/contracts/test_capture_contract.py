@@ -14,6 +14,7 @@ import cv2
 import numpy as np
 import pytest
 
+from tests.films import film
 from vnav.config import CaptureConfig
 from vnav.core import se3
 from vnav.core.frame import Frame
@@ -85,25 +86,14 @@ def write_seven_scenes(root: Path, recording: Recording) -> None:
         write(root, recording, k, f"frame-{k:06d}.color.png", f"frame-{k:06d}.depth.png")
 
 
-def film(path: Path, images: np.ndarray) -> None:
-    """A video of BGR (N, H, W, 3) or 16-bit images (N, H, W), by a codec that loses nothing."""
-    kind = [cv2.VIDEOWRITER_PROP_IS_COLOR, int(images.ndim == 4)]
-    kind += [cv2.VIDEOWRITER_PROP_DEPTH, cv2.CV_8U if images.ndim == 4 else cv2.CV_16U]
-    codec, size = cv2.VideoWriter_fourcc(*"FFV1"), (images.shape[2], images.shape[1])
-    writer = cv2.VideoWriter(str(path), cv2.CAP_FFMPEG, codec, 10.0, size, kind)
-    for image in images:
-        writer.write(np.ascontiguousarray(image))
-    writer.release()
-
-
 def write_videos(root: Path, recording: Recording) -> None:
-    film(root / "color.avi", recording.color[..., ::-1])
+    film(root / "color.avi", recording.color)
     film(root / "depth.avi", recording.depth)
 
 
 def write_stray_scanner(root: Path, recording: Recording) -> None:
     """Colour in a video."""
-    film(root / "rgb.mp4", recording.color[..., ::-1])
+    film(root / "rgb.mp4", recording.color)
     (root / "depth").mkdir(exist_ok=True)
     for k in range(FRAMES):
         cv2.imwrite(str(root / "depth" / f"{k:06d}.png"), recording.depth[k])

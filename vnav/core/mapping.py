@@ -150,6 +150,11 @@ class Odometry:
         ]
 
 
+def light_text(corners: float) -> str:
+    """What is told of light that was made even."""
+    return f"brightness falls to {corners:.0%} at the corners: taken off"
+
+
 @dataclass(frozen=True)
 class LoopVerdict:
     """One candidate pair of keyframes (numbers into the keyframes), accepted or not, and why.

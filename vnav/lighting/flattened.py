@@ -7,14 +7,13 @@ from functools import lru_cache
 import cv2
 import numpy as np
 
-from vnav.core.arrays import Array, Floats
-from vnav.core.camera import Camera
+from vnav.core.arrays import Floats
 from vnav.core.frame import Frame
 from vnav.core.mapping import EVEN_LIGHT
 from vnav.core.progress import Progress, silent
-from vnav.core.trajectory import Trajectory
 from vnav.errors import CaptureError
 from vnav.io.sources.capture import Capture
+from vnav.io.sources.derived import DerivedCapture
 from vnav.lighting.falloff import LEAST_PLACES, Changed, LightProfile, fitted
 from vnav.lighting.followed_points import changes, lit_image
 from vnav.threads import one_opencv_thread
@@ -24,51 +23,22 @@ STEPS = 0, 1, 4  # frames of a place: the first is compared with the others
 MOST_GAIN = 10.0  # more would make images of noise; with 4, light that is left harms: docs/log.md
 
 
-class Flattened:
-    """The frames of a capture, each colour divided by how bright the light is there."""
+class Flattened(DerivedCapture):
+    """The frames of a capture, each colour divided by how bright the light is there.
+
+    Its fingerprint is that of the capture: what the light is follows from the frames.
+    """
 
     def __init__(self, capture: Capture, profile: LightProfile) -> None:
-        self._whole = capture
+        super().__init__(capture)
         self._gain = lru_cache(4)(lambda size: _gain(size, profile))
-
-    @property
-    def name(self) -> str:
-        """That of the capture."""
-        return self._whole.name
-
-    @property
-    def camera(self) -> Camera:
-        """That of the capture."""
-        return self._whole.camera
-
-    @property
-    def has_depth(self) -> bool:
-        """Whether the capture has."""
-        return self._whole.has_depth
-
-    @property
-    def stamps_s(self) -> Array:
-        """Times (N,) of the frames."""
-        return self._whole.stamps_s
-
-    @property
-    def poses(self) -> Trajectory | None:
-        """Those of the capture."""
-        return self._whole.poses
-
-    def __len__(self) -> int:
-        return len(self._whole)
 
     def read(self, index: int) -> Frame:
         """A frame of the capture, evenly lit; what is clipped stays clipped."""
-        frame = self._whole.read(index)
+        frame = super().read(index)
         gain = self._gain(frame.color.shape[:2])
         color = cv2.multiply(np.asarray(frame.color), gain, dtype=cv2.CV_8U)
         return dataclasses.replace(frame, color=color)
-
-    def fingerprint(self) -> str:
-        """That of the capture: what its light is follows from its frames."""
-        return self._whole.fingerprint()
 
 
 def _gain(size: tuple[int, int], profile: LightProfile) -> Floats:

@@ -103,13 +103,16 @@ class _Joins:
     def are_borne_out(self, poses: Array, a: Inside, b: Inside) -> bool:
         """Whether two sets of frames (N,) agree on what both see, where poses align them.
 
-        The pose graph takes drift away first, by the closures that agree with the poses.
+        The pose graph takes drift away first, by the closures that agree with the poses. What was
+        refused stays so.
         """
         if self._look is None:
             return True
+        across = self._agreeing(poses, a, b)
+        if self.refused[across].all():
+            return False
         poses = np.where((a | b)[:, None, None], poses, np.nan)
         inside = [e for e in self._edges if (a | b)[e.i] and (a | b)[e.j]]
-        across = self._agreeing(poses, a, b)
         within = (a[self._ends].all(1) | b[self._ends].all(1)) & ~self.refused
         used = list(compress(self._closures, across | within))
         graph = pose_graph.optimise(poses, inside, used, self._max_sigmas)

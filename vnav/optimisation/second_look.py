@@ -20,16 +20,15 @@ from vnav.features.matching import DescriptorMatcher
 from vnav.optimisation.camera_motion import velocities
 from vnav.optimisation.contradictions import Contradiction
 from vnav.optimisation.cycles import are_wrong
-from vnav.optimisation.segments import same_pose
+from vnav.optimisation.segments import Inside, same_pose
 from vnav.registration.dense import align
 from vnav.registration.judge import CLEAR, judge
 from vnav.registration.points3d import PointRegistration
-from vnav.registration.surface_agreement import MIN_SHARED, Agreement, agreement, seeing_through
+from vnav.registration.surface_agreement import MIN_SHARED, Agreement, agreements, seeing_through
 
 MOST_PAIRS = 60  # of keyframes that are compared, where two parts are to be joined
 MOST_THROUGH = 0.3  # of them that may see through each other; of rendered rooms up to 0.12 did
 SURE = 0.99  # the most that odometry's own edges count for: as much as what is just clear
-Inside = NDArray[np.bool_]
 Views = Callable[[int], Frame]  # the images of a keyframe, by its row
 
 
@@ -92,13 +91,9 @@ class SecondLook:
 
     def _agreements(self, poses: Array, wanted: NDArray[np.bool_]) -> list[Agreement]:
         """How `MOST_PAIRS` of the wanted pairs (K, K) of keyframes agree by their poses."""
-        pairs = self._odometry.keyframe_rows[np.argwhere(wanted)]
-        found = []
-        for i, j in evenly(pairs.tolist(), MOST_PAIRS):
-            frames = self._moving(i), self._moving(j)
-            T_i_j = se3.inverse(poses[i]) @ poses[j]
-            found.append(agreement((i, j), frames, T_i_j, self._config.registration))
-        return [each for each in found if each is not None]
+        pairs = self._odometry.keyframe_rows[np.argwhere(wanted)].tolist()
+        chosen = evenly(pairs, MOST_PAIRS)
+        return agreements(chosen, poses, self._moving, self._config.registration)
 
     def _log_odds_before(self, stretch: Contradiction) -> float:
         """Of odometry's motion across a stretch, by the least probable of its frames' edges."""

@@ -14,7 +14,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from vnav.checking.motions import Seen, contradicting_loops, unborne_steps
 from vnav.config import Config
-from vnav.core import se3
 from vnav.core.arrays import Array, evenly
 from vnav.core.frame import Edge
 from vnav.core.graph import best_into, ends_of
@@ -32,7 +31,7 @@ from vnav.io.store.artifacts import (
 from vnav.io.store.map_folder import MapFolder
 from vnav.loop_closing.loop_candidates import are_apart
 from vnav.optimisation.camera_motion import velocities
-from vnav.registration.surface_agreement import Agreement, agreement, disagreeing
+from vnav.registration.surface_agreement import Agreement, agreements, disagreeing
 from vnav.tracking.pose_choice import UNSURE
 
 MOST_PAIRS = 150  # of keyframes, and of rejected loops, that are looked at
@@ -119,11 +118,8 @@ def _compared(
     overlap = view_overlap(odometry, poses, part, map_cameras(folder))
 
     def compare(wanted: NDArray[np.bool_]) -> list[Agreement]:
-        found = []
-        for i, j in evenly(rows[np.argwhere(wanted)].tolist(), MOST_PAIRS):
-            T_i_j = se3.inverse(poses[i]) @ poses[j]
-            found.append(agreement((i, j), (seen(i), seen(j)), T_i_j, config.registration))
-        return [a for a in found if a is not None]
+        pairs = evenly(rows[np.argwhere(wanted)].tolist(), MOST_PAIRS)
+        return agreements(pairs, poses, seen, config.registration)
 
     apart = are_apart(odometry, config.loops.exclude_s)
     again = np.triu(apart & (overlap >= MIN_OVERLAP))

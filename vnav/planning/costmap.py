@@ -2,6 +2,7 @@
 
 import dataclasses
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -17,7 +18,7 @@ from vnav.planning.astar import UNIT
 from vnav.planning.distances import distances
 from vnav.planning.fits import ALL, Fits, fits
 from vnav.planning.footprint import STEP_M, STEPS, Footprint
-from vnav.planning.lanes import Lanes, lanes
+from vnav.planning.lanes import Lanes, barred_moves, lanes
 
 EVERYWHERE = Zones()  # may be driven, any way
 
@@ -67,6 +68,11 @@ class Costmap:
         kept = self.zones if zones is None else zones
         other = dataclasses.replace(self.config, **config)
         return costmap(self.seen, self.uncertainty_m, other, kept)
+
+    @cached_property
+    def barred(self) -> NDArray[np.uint16] | None:
+        """Moves that go against a one-way, as `lanes.barred_moves` gives them."""
+        return barred_moves(self.lanes)
 
     @property
     def is_reversible(self) -> bool:

@@ -12,7 +12,7 @@ from vnav.core.frame import Rejected
 from vnav.core.grid import OCCUPIED, Grid
 from vnav.planning.astar import Cell, Whole
 from vnav.planning.costmap import Costmap, radii_m
-from vnav.planning.lanes import MOVES, barred_moves
+from vnav.planning.lanes import MOVES
 from vnav.planning.snapping import Point
 
 Cells = NDArray[np.intp]
@@ -38,7 +38,7 @@ class NarrowPlace:
         """The end of a sentence; to a centimetre, what is needed rounded up, what is there down."""
         there = f"the narrowest place on the widest way is at ({self.at[0]:.2f}, {self.at[1]:.2f})"
         width, needed, turning = (
-            f"{np.floor(100 * self.width_m + 1e-6) / 100:.2f} m",
+            self.width_text,
             *(f"{np.ceil(100 * m - 1e-6) / 100:.2f} m" for m in (self.needed_m, self.turning_m)),
         )
         needs = f"the robot needs {needed}"
@@ -47,6 +47,11 @@ class NarrowPlace:
         wide = f"{width} wide" if len(self.sides) == 2 else f"{width} beside an obstacle"
         lacks = "it has room to pass straight, but not to turn: " if self.is_passable else ""
         return f"{lacks}{there}, {wide}; {needs}"
+
+    @property
+    def width_text(self) -> str:
+        """Its width to a centimetre, rounded down."""
+        return f"{np.floor(100 * self.width_m + 1e-6) / 100:.2f} m"
 
     @property
     def is_passable(self) -> bool:
@@ -69,7 +74,7 @@ def narrowest_place(
     None where no way joins them, or the robot passes there. ``wide``: the floor as a robot without
     width sees it; ``costs``: as the robot does. One-ways are kept to.
     """
-    grid, barred = wide.grid, barred_moves(wide.lanes)
+    grid, barred = wide.grid, wide.barred
     ends = np.zeros(grid.cells.shape, np.uint8)
     for bit, cells in ((1, starts), (2, goals)):
         ends[tuple(cells.T)] |= bit

@@ -10,7 +10,6 @@ from vnav.core.grid import Grid
 from vnav.planning.astar import NO_WAY, Route, search
 from vnav.planning.costmap import Costmap
 from vnav.planning.headed import search_headed
-from vnav.planning.lanes import barred_moves
 from vnav.planning.smoothing import smooth
 from vnav.planning.snapping import Point, SnappedPoint, Yaws, snap_start_and_goal
 
@@ -41,7 +40,7 @@ def _cheapest(costs: Costmap, ends: Ends, yaws: Yaws) -> Route | Rejected:
     """
     start, goal = (end.cell for end in ends)
     if costs.footprint is None or costs.fits is None:
-        return search(costs.costs, start, goal, barred_moves(costs.lanes))
+        return search(costs.costs, start, goal, costs.barred)
     fits = dataclasses.replace(costs.fits, turns=costs.fits.turns.copy())
     while True:
         route = search_headed(costs, fits, start, goal, yaws)

@@ -4,7 +4,7 @@ A map that is bent puts surfaces where other keyframes see free space, or beside
 two keyframes may differ, their sensor tells itself: by keyframes that follow each other.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -57,13 +57,32 @@ def agreement(
     return Agreement(*rows, float(np.median(np.abs(shared))), seen_through)
 
 
+def agreements(
+    pairs: Iterable[tuple[int, int]],
+    T_world_camera: Array,
+    seen: Callable[[int], ReducedFrame],
+    config: RegistrationConfig,
+) -> list[Agreement]:
+    """How pairs of keyframes, by row, agree at their poses (N, 4, 4), where they share enough."""
+    found = (
+        agreement(
+            (i, j),
+            (seen(i), seen(j)),
+            se3.inverse(T_world_camera[i]) @ T_world_camera[j],
+            config,
+        )
+        for i, j in pairs
+    )
+    return [each for each in found if each is not None]
+
+
 def disagreeing(revisits: Sequence[Agreement], neighbours: Sequence[Agreement]) -> list[Agreement]:
     """Those revisits that agree less than neighbours usually do; none without neighbours."""
     if not neighbours:
         return []
     off = UNUSUAL_TIMES * max(_usual([n.off_sigmas for n in neighbours]), MEDIAN_SIGMAS)
-    through = seeing_through(revisits, neighbours)
-    return [r for r in revisits if r.off_sigmas > off or r in through]
+    through = _most_through(neighbours)
+    return [r for r in revisits if r.off_sigmas > off or r.seen_through > through]
 
 
 def seeing_through(
@@ -75,8 +94,12 @@ def seeing_through(
     """
     if not neighbours:
         return []
-    most = _usual([n.seen_through for n in neighbours]) + UNUSUAL_SHARE
+    most = _most_through(neighbours)
     return [r for r in revisits if r.seen_through > most]
+
+
+def _most_through(neighbours: Sequence[Agreement]) -> float:
+    return _usual([n.seen_through for n in neighbours]) + UNUSUAL_SHARE
 
 
 def _usual(values: Sequence[float]) -> float:

@@ -101,7 +101,7 @@ def _draw_narrowest(axes: Axes, place: NarrowPlace) -> list[Artist]:
     ends = place.sides if len(place.sides) == 2 else np.vstack([place.sides, place.at])
     axes.plot(*ends.T, color=NARROW, lw=2.5, zorder=6, solid_capstyle="butt")
     axes.plot(*ends.mean(0), "o", color=NARROW, ms=18, mfc="none", mew=1.5, zorder=6)
-    label = f"narrowest place, {np.floor(100 * place.width_m + 1e-6) / 100:.2f} m"
+    label = f"narrowest place, {place.width_text}"
     return [Line2D([], [], color=NARROW, ls="", marker="o", mfc="none", label=label)]
 
 

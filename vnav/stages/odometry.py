@@ -15,7 +15,7 @@ from vnav.checking.capture_report import require_depth
 from vnav.config import Config
 from vnav.config.registries import DESCRIPTORS, FILTERS, registered
 from vnav.core.frame import Frame
-from vnav.core.mapping import EVEN_LIGHT, LOST, FrameFeatures, FrameTable, Odometry
+from vnav.core.mapping import EVEN_LIGHT, LOST, FrameFeatures, FrameTable, Odometry, light_text
 from vnav.core.progress import Progress, silent
 from vnav.core.reduced_frame import ReducedFrame, reduced
 from vnav.core.report import Report
@@ -201,8 +201,7 @@ def report(odometry: Odometry) -> Report:
 def _light_lines(light: list[dict[str, Any]], captures: int) -> tuple[str, ...]:
     """One line for each capture whose light was evened."""
     return tuple(
-        (f"capture {found['capture']}: " if captures > 1 else "")
-        + f"brightness falls to {found['corners']:.0%} at the corners: taken off"
+        (f"capture {found['capture']}: " if captures > 1 else "") + light_text(found["corners"])
         for found in light
     )
 

@@ -188,7 +188,7 @@ def elsewhere(folder: MapFolder, T_world_camera: Array) -> str:
     """
     floor_m = float(folder.settings("fuse").get("fuse", {}).get("floor_m", 0.0))
     height_m = float(T_world_camera[2, 3]) - floor_m
-    if load_optimised(folder).world.doubt or is_over_floor(height_m):
+    if is_over_floor(height_m) or load_optimised(folder).world.doubt:
         return ""
     return (
         f"was taken on another storey, {abs(height_m):.1f} m {'above' if height_m > 0 else 'below'}"

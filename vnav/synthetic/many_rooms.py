@@ -30,7 +30,7 @@ def building(rooms: int) -> Callable[[int], Scene]:
     return scene
 
 
-def _tour(rooms: int) -> tuple[tuple[float, float, float], ...]:
+def _tour(rooms: int) -> tuple[tuple[float, ...], ...]:
     """Into every room, around in it, and out again; back at a corridor's length."""
     around = (
         (1.0, 0.9, 20),

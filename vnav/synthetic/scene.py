@@ -226,6 +226,6 @@ def unlike(make: Callable[[int], Scene]) -> Callable[[int], Scene]:
     return scene
 
 
-def closed_tour(*stops: tuple[float, float, float]) -> tuple[tuple[float, float, float], ...]:
-    """A scene's tour from x, y in metres and yaw in degrees."""
-    return tuple((x, y, float(np.deg2rad(yaw_deg))) for x, y, yaw_deg in stops)
+def closed_tour(*stops: tuple[float, ...]) -> tuple[tuple[float, ...], ...]:
+    """A scene's tour from x, y in metres and yaw in degrees; with a floor's height, where given."""
+    return tuple((x, y, float(np.deg2rad(yaw_deg)), *floor) for x, y, yaw_deg, *floor in stops)

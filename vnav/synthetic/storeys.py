@@ -112,35 +112,29 @@ def _raised(pieces: Iterable[Piece]) -> list[Piece]:
 def _tour() -> tuple[tuple[float, ...], ...]:
     """Around below, up the stair, around above looking across, and down again."""
     y = EDGE + STAIR_M / 2
-    below, above = (0.0,), (STOREY_M,)
-    stops = [
-        ((0.8, 0.8, 60), below),
-        ((1.6, 1.9, 30), below),
-        ((3.4, 1.9, 40), below),
-        ((4.9, 2.2, 90), below),
-        ((4.6, 3.3, 170), below),
-        ((3.2, 3.6, 210), below),
-        ((2.8, 2.0, 215), below),
-        ((1.4, 1.6, 290), below),
-        ((0.9, y, 360), below),
-        ((FOOT_M, y, 360), below),
-        ((HEAD_M, y, 360), above),
-        ((HEAD_M + 0.5, 1.0, 420), above),
-        ((5.4, 2.2, 480), above),
-        ((3.6, 2.0, 500), above),
-        ((1.8, 2.0, 540), above),
-        ((1.6, 3.2, 620), above),
-        ((3.2, 3.6, 720), above),
-        ((4.8, 2.8, 710), above),
-        ((6.0, 1.4, 640), above),
-        ((HEAD_M + 0.6, y, 540), above),
-        ((HEAD_M, y, 540), above),
-        ((FOOT_M, y, 540), below),
-        ((1.0, 0.7, 500), below),
-    ]
-    return tuple(
-        (*stop, *floor)
-        for stop, floor in zip(
-            closed_tour(*(s for s, _ in stops)), (f for _, f in stops), strict=True
-        )
+    below, above = 0.0, STOREY_M
+    return closed_tour(
+        (0.8, 0.8, 60, below),
+        (1.6, 1.9, 30, below),
+        (3.4, 1.9, 40, below),
+        (4.9, 2.2, 90, below),
+        (4.6, 3.3, 170, below),
+        (3.2, 3.6, 210, below),
+        (2.8, 2.0, 215, below),
+        (1.4, 1.6, 290, below),
+        (0.9, y, 360, below),
+        (FOOT_M, y, 360, below),
+        (HEAD_M, y, 360, above),
+        (HEAD_M + 0.5, 1.0, 420, above),
+        (5.4, 2.2, 480, above),
+        (3.6, 2.0, 500, above),
+        (1.8, 2.0, 540, above),
+        (1.6, 3.2, 620, above),
+        (3.2, 3.6, 720, above),
+        (4.8, 2.8, 710, above),
+        (6.0, 1.4, 640, above),
+        (HEAD_M + 0.6, y, 540, above),
+        (HEAD_M, y, 540, above),
+        (FOOT_M, y, 540, below),
+        (1.0, 0.7, 500, below),
     )

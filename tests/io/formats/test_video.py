@@ -6,6 +6,7 @@ import cv2
 import numpy as np
 import pytest
 
+from tests.films import film
 from vnav.errors import CaptureError
 from vnav.io.formats.video import Video, frame_count, video_size
 
@@ -20,10 +21,7 @@ def images() -> np.ndarray:
 @pytest.fixture
 def path(tmp_path: Path, images: np.ndarray) -> Path:
     """A video in a codec that loses nothing."""
-    film = cv2.VideoWriter(str(tmp_path / "a.mp4"), cv2.VideoWriter_fourcc(*"FFV1"), 30, SIZE)
-    for image in images:
-        film.write(np.ascontiguousarray(image[..., ::-1]))
-    film.release()
+    film(tmp_path / "a.mp4", images)
     return tmp_path / "a.mp4"
 
 

@@ -5,6 +5,7 @@ import cv2
 import numpy as np
 import pytest
 
+from tests.films import film
 from vnav.api.arguments import trajectory_of
 from vnav.config import CaptureConfig, Config
 from vnav.core import se3
@@ -52,13 +53,10 @@ def write(root: Path, scan: Scan, cameras: list[Intrinsics] | None = None) -> Pa
     """A folder as the app exports it, with a codec that loses nothing."""
     for name in ("depth", "confidence"):
         (root / name).mkdir(parents=True)
-    height, width = scan.color.shape[1:3]
-    codec = cv2.VideoWriter_fourcc(*"FFV1")
-    film = cv2.VideoWriter(str(root / "rgb.mp4"), codec, 60, (width, height))
+    film(root / "rgb.mp4", scan.color)
     head = "timestamp, frame, x, y, z, qx, qy, qz, qw" + ", fx, fy, cx, cy" * bool(cameras)
     lines = [head]
     for k, T_up_camera in enumerate(scan.T_world_camera):
-        film.write(np.ascontiguousarray(scan.color[k, ..., ::-1]))
         cv2.imwrite(str(root / "depth" / f"{k:06d}.png"), scan.depth_mm[k])
         sure = np.full(scan.depth_mm[k].shape, 2, np.uint8)
         cv2.imwrite(str(root / "confidence" / f"{k:06d}.png"), sure)
@@ -68,7 +66,6 @@ def write(root: Path, scan: Scan, cameras: list[Intrinsics] | None = None) -> Pa
             own = cameras[k]
             values += [own.fx, own.fy, own.cx + 0.5, own.cy + 0.5]
         lines.append(", ".join(map(str, values)))
-    film.release()
     (root / "odometry.csv").write_text("\n".join(lines) + "\n")
     matrix = [[COLOR.fx, 0, COLOR.cx + 0.5], [0, COLOR.fy, COLOR.cy + 0.5], [0, 0, 1]]
     text = "\n".join(", ".join(map(str, row)) for row in matrix)

@@ -2,10 +2,10 @@
 
 from pathlib import Path
 
-import cv2
 import numpy as np
 import pytest
 
+from tests.films import film
 from vnav.config import CaptureConfig
 from vnav.errors import CameraError, CaptureError
 from vnav.io.sources.folder_capture import FolderCapture
@@ -25,17 +25,6 @@ units_per_metre = 1000
 """
 
 
-def film(path: Path, images: np.ndarray, rate_hz: float = RATE_HZ) -> None:
-    is_color = images.ndim == 4
-    kind = [cv2.VIDEOWRITER_PROP_IS_COLOR, int(is_color)]
-    kind += [cv2.VIDEOWRITER_PROP_DEPTH, cv2.CV_16U if images.dtype == np.uint16 else cv2.CV_8U]
-    codec, size = cv2.VideoWriter_fourcc(*"FFV1"), (images.shape[2], images.shape[1])
-    writer = cv2.VideoWriter(str(path), cv2.CAP_FFMPEG, codec, rate_hz, size, kind)
-    for image in images:
-        writer.write(np.ascontiguousarray(image[..., ::-1] if is_color else image))
-    writer.release()
-
-
 @pytest.fixture
 def color() -> np.ndarray:
     return np.random.default_rng(0).integers(0, 256, (FRAMES, HEIGHT, WIDTH, 3), np.uint8)
@@ -48,8 +37,8 @@ def depth() -> np.ndarray:
 
 @pytest.fixture
 def root(tmp_path: Path, color: np.ndarray, depth: np.ndarray) -> Path:
-    film(tmp_path / "rgb.mkv", color)
-    film(tmp_path / "depth.mkv", depth)
+    film(tmp_path / "rgb.mkv", color, RATE_HZ)
+    film(tmp_path / "depth.mkv", depth, RATE_HZ)
     (tmp_path / "camera.toml").write_text(CAMERA)
     return tmp_path
 
@@ -70,14 +59,14 @@ def test_frames_have_both_images_of_their_number_and_the_videos_rate(
 
 
 def test_what_one_video_has_more_is_dropped_and_counted(root: Path, depth: np.ndarray) -> None:
-    film(root / "depth.mkv", depth[:4])
+    film(root / "depth.mkv", depth[:4], RATE_HZ)
     capture = opened(root)
     assert len(capture) == 4
     assert (len(capture.files.dropped_color), len(capture.files.dropped_depth)) == (2, 0)
 
 
 def test_depth_of_eight_bits_is_refused_with_what_to_do(root: Path, depth: np.ndarray) -> None:
-    film(root / "depth.mkv", (depth // 256).astype(np.uint8))
+    film(root / "depth.mkv", (depth // 256).astype(np.uint8), RATE_HZ)
     with pytest.raises(CaptureError, match=r"16 bits.*depth.mkv.*uint8.*-pix_fmt gray16le"):
         opened(root)
 
@@ -89,7 +78,7 @@ def test_two_rates_are_refused(root: Path, depth: np.ndarray) -> None:
 
 
 def test_two_videos_of_colour_are_refused(root: Path, color: np.ndarray) -> None:
-    film(root / "color.mkv", color)
+    film(root / "color.mkv", color, RATE_HZ)
     with pytest.raises(CaptureError, match=r"one video color.*color.mkv and rgb.mkv"):
         opened(root)
 

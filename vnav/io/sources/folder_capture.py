@@ -63,7 +63,8 @@ class FolderCapture:
         color = lens.color(color)
         depth_m = no_depth(*color.shape[:2])
         if pair.depth is not None:
-            raw, sensor = self._depth(pair.depth, pair.confidence), camera.depth or camera.color
+            raw, sensor = self._depth(pair.depth), camera.depth or camera.color
+            raw = _believed(raw, pair.depth, pair.confidence)
             _require_size(pair.depth.path, raw, sensor.size, "depth")
             depth_m = lens.depth_m(raw)
         return Frame(0, index, pair.color.stamp_s, color, depth_m, rectified(camera))
@@ -73,11 +74,10 @@ class FolderCapture:
             return read_image(image.path)
         return self._video(image).read(image.video_frame)
 
-    def _depth(self, image: ImageFile, confidence: ImageFile | None) -> NDArray[np.uint16]:
-        """Depth as stored, 0 where its confidence is."""
+    def _depth(self, image: ImageFile) -> NDArray[np.uint16]:
         if image.video_frame is None:
-            return _believed(read_depth(image.path), image, confidence)
-        return _believed(self._video(image).read_depth(image.video_frame), image, confidence)
+            return read_depth(image.path)
+        return self._video(image).read_depth(image.video_frame)
 
     def _video(self, image: ImageFile) -> Video:
         return self._videos.setdefault(image.path, Video(image.path))
@@ -97,6 +97,7 @@ class FolderCapture:
 def _believed(
     raw: NDArray[np.uint16], depth: ImageFile, confidence: ImageFile | None
 ) -> NDArray[np.uint16]:
+    """Depth as stored, 0 where its confidence is."""
     if confidence is None:
         return raw
     levels = read_gray(confidence.path)
