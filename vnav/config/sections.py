@@ -73,6 +73,10 @@ class SiftConfig(Section, path="features.sift"):
         "features with a larger ratio of principal curvatures lie on edges and are not used",
     )
     root_sift: bool = flag(True, "RootSIFT descriptors instead of plain SIFT")
+    half_size: bool = flag(True, "frames between keyframes are described at half their size")
+    min_half_width_px: int = whole(
+        320, "[0, 100000]", "px", "a frame whose half is narrower is described whole"
+    )
 
 
 def corner_threshold() -> int:
@@ -154,6 +158,11 @@ class FeaturesConfig(Section, path="features"):
     orb: OrbConfig = section(OrbConfig)
     brisk: BriskConfig = section(BriskConfig)
     fast: FastConfig = section(FastConfig)
+
+    @property
+    def half_size(self) -> bool:
+        """Whether frames between keyframes are described at half their size."""
+        return self.front_end == "sift" and self.sift.half_size
 
 
 @dataclass(frozen=True)
@@ -293,7 +302,7 @@ class TrackingConfig(Section, path="tracking"):
         60,
         "[0, 100000]",
         "points",
-        "a frame in which fewer points are found again is described",
+        "a frame in which fewer points are found, at half its size or again, is described whole",
     )
     ekf: EkfConfig = section(EkfConfig)
 

@@ -78,11 +78,13 @@ class FrameFeatures:
 
     ``row`` in the frame table; ``points_camera`` (N, 3) float32: each feature's 3D point in the
     colour camera from its own depth, NaN where depth is missing or lies on an edge.
+    ``is_coarse``: found in the image at half its size.
     """
 
     row: int
     features: Features
     points_camera: NDArray[np.float32]
+    is_coarse: bool = False
 
     def __post_init__(self) -> None:
         shape = (len(self.features), 3)

@@ -1,5 +1,8 @@
 """Frames described: their features, each with its 3D point where depth tells it."""
 
+from dataclasses import replace
+
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -25,6 +28,35 @@ class FrameDescriber:
         """The features of a frame, whose row in the frame table is given."""
         features = self._front_end.extract(frame.color)
         return FrameFeatures(row, features, points_of(features.keypoints_px, frame, self._config))
+
+    def describe_coarsely(self, row: int, frame: Frame) -> FrameFeatures:
+        """Those of the frame at half its size, in its own pixels; all where that is too small.
+
+        So it is if it is narrower than the settings ask, or has too few features with depth.
+        """
+        least_px = self._config.features.sift.min_half_width_px
+        if frame.intrinsics.width < 2 * least_px:
+            return self.describe(row, frame)
+        features = doubled(self._front_end.extract(halved(frame.color)))
+        points = points_of(features.keypoints_px, frame, self._config)
+        coarse = FrameFeatures(row, features, points, is_coarse=True)
+        few = coarse.has_depth.sum() < self._config.tracking.min_points
+        return self.describe(row, frame) if few else coarse
+
+
+def halved(color: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    """An image (H, W, 3) at half its size; a last row or column without a partner is cut."""
+    height, width = (length // 2 for length in color.shape[:2])
+    small = cv2.resize(
+        color[: 2 * height, : 2 * width], (width, height), interpolation=cv2.INTER_AREA
+    )
+    return np.asarray(small, np.uint8)
+
+
+def doubled(features: Features) -> Features:
+    """Features of an image at half its size, in the pixels of the whole one."""
+    px = 2 * features.keypoints_px + np.float32(0.5)  # whole pixels' centres have whole numbers
+    return replace(features, keypoints_px=px, scales_px=2 * features.scales_px)
 
 
 def points_of(

@@ -3,7 +3,7 @@
 import dataclasses
 import os
 from collections import deque
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import nullcontext
 from pathlib import Path
@@ -37,6 +37,7 @@ from vnav.tracking.visual_odometry import VisualOdometry
 
 SECTIONS = "capture", "features", "registration", "tracking", "masking", "odometry"
 MOST_MOVING = 4  # frames that are named
+Description = Callable[[int, Frame], FrameFeatures]
 TOO_MUCH = "most of what is seen moves"
 
 
@@ -90,9 +91,7 @@ def track(
         if config.capture.flatten == "auto":
             capture, light = flattened(capture, pool, progress)
         written = []
-        is_described = given is not None or config.tracking.method == DESCRIPTORS
-        describer = FrameDescriber(config) if is_described else None
-        for row, seen in _frames(capture, describer, pool):
+        for row, seen in _frames(capture, _description(config, given is not None), pool):
             progress("odometry", row, len(frames))
             if isinstance(seen, str):
                 builder.skip(row, seen)
@@ -118,6 +117,16 @@ def _builder(config: Config, frames: FrameTable, given: Trajectory | None) -> Od
     return VisualOdometry(config)
 
 
+def _description(config: Config, is_given: bool) -> Description | None:
+    """What describes every frame ahead of its use; None where most are not described."""
+    describer = FrameDescriber(config)
+    if is_given:
+        return describer.describe
+    if config.tracking.method != DESCRIPTORS:
+        return None
+    return describer.describe_coarsely if config.features.half_size else describer.describe
+
+
 @dataclasses.dataclass(frozen=True)
 class _Seen:
     """A frame, its features, and its pixels in blocks."""
@@ -128,11 +137,11 @@ class _Seen:
 
 
 def _frames(
-    capture: Capture, describer: FrameDescriber | None, pool: ThreadPoolExecutor
+    capture: Capture, describe: Description | None, pool: ThreadPoolExecutor
 ) -> Iterator[tuple[int, _Seen | str]]:
     """Every frame in order, read by the pool a little ahead; or why it cannot be.
 
-    Described too, if there is a describer; else without features.
+    Without features, if nothing describes them.
     """
     camera = rectified(capture.camera)
 
@@ -141,10 +150,10 @@ def _frames(
             frame = resampled(capture.read(row), camera)
         except CaptureError as error:
             return str(error)
-        features = describer.describe(row, frame) if describer else undescribed(row)
+        features = describe(row, frame) if describe else undescribed(row)
         return _Seen(features, frame, reduced(frame))
 
-    with one_opencv_thread if describer else nullcontext():  # else they are described one by one
+    with one_opencv_thread if describe else nullcontext():  # else they are described one by one
         ahead: deque[Future[_Seen | str]] = deque()
         for row in range(len(capture)):
             while len(ahead) < 2 * (os.cpu_count() or 1) and row + len(ahead) < len(capture):

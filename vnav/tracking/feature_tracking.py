@@ -1,13 +1,16 @@
 """Frames tracked by their features: claim 3, S2 to S5."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from vnav.config import Config
+from vnav.core.frame import Frame
+from vnav.features.description import FrameDescriber
 from vnav.tracking.keyframes import Keyframes
 from vnav.tracking.motion import ConstantVelocity
-from vnav.tracking.pose_choice import ChosenMotions, Motions, Target, TrackedFrame
+from vnav.tracking.pose_choice import UNSURE, ChosenMotions, Motions, Target, TrackedFrame
 from vnav.tracking.pose_search import PoseSearch
 
 MAX_SIGMA_M = 0.004  # of the translation; most frames' features tell their motion twice as well
@@ -72,6 +75,18 @@ class FeatureTracker:
     def _targets(self, frames: Sequence[TrackedFrame]) -> list[Target]:
         poses = self._motion.poses
         return [Target(a, poses.get(a.features.row, np.eye(4))) for a in frames]
+
+
+def described(seen: TrackedFrame, frame: Frame, describer: FrameDescriber) -> TrackedFrame:
+    """A frame with all features of its own."""
+    features = describer.describe(seen.features.row, frame)
+    coarse = seen.features if seen.features.is_coarse else None
+    return replace(seen, features=features, is_followed=False, coarse=coarse)
+
+
+def is_doubtful(choice: ChosenMotions) -> bool:
+    """Whether the motions of a frame need more features to be told."""
+    return are_degenerate(choice.estimates) or choice.probability < UNSURE
 
 
 def are_degenerate(estimates: Motions) -> bool:

@@ -13,11 +13,10 @@ from vnav.config import Config
 from vnav.core import se3
 from vnav.core.frame import Frame
 from vnav.core.mapping import FrameFeatures
-from vnav.core.reduced_frame import ReducedFrame
 from vnav.features.description import FrameDescriber, points_of
-from vnav.tracking.feature_tracking import FeatureTracker, are_degenerate
+from vnav.tracking.feature_tracking import FeatureTracker, are_degenerate, described, is_doubtful
 from vnav.tracking.motion import ConstantVelocity
-from vnav.tracking.pose_choice import UNSURE, ChosenMotions, TrackedFrame
+from vnav.tracking.pose_choice import ChosenMotions, TrackedFrame
 from vnav.tracking.trackers import Tracker, tracker
 
 CELL_PX = 20  # edge of the square of pixels of which the strongest point is followed
@@ -34,40 +33,40 @@ class Source:
 class FollowedFrames:
     """Gives frames the points of the last described one, or describes them."""
 
-    def __init__(self, config: Config, features: FeatureTracker, motion: ConstantVelocity) -> None:
+    def __init__(
+        self,
+        config: Config,
+        features: FeatureTracker,
+        motion: ConstantVelocity,
+        describer: FrameDescriber,
+    ) -> None:
         self._config, self._features, self._motion = config, features, motion
-        self._describer = FrameDescriber(config)
+        self._describer = describer
         self.share = 1.0  # of the source's points that the last frame was found to show
         self._source: Source | None = None
         self._predecessor: tuple[TrackedFrame, Frame] | None = None  # if it was followed
 
-    def track(
-        self, row: int, frame: Frame, image: ReducedFrame
-    ) -> tuple[TrackedFrame, ChosenMotions]:
+    def track(self, seen: TrackedFrame, frame: Frame) -> tuple[TrackedFrame, ChosenMotions]:
         """The next frame with its features, and its motions from earlier ones.
 
         Followed, unless too few points are left or these leave the motion in doubt. If then the
         frame that was followed from shows too little as well, the predecessor is described, too.
         """
-        points = self._followed(row, frame)
+        points = self._followed(seen.features.row, frame)
         if points is not None:
-            current = TrackedFrame(points, image, frame.intrinsics, is_followed=True)
+            current = replace(seen, features=points, is_followed=True)
             choice = self._features.track_nearest(current)
-            if not are_degenerate(choice.estimates) and choice.probability >= UNSURE:
+            if not is_doubtful(choice):
                 return current, choice
-        current = TrackedFrame(self._describer.describe(row, frame), image, frame.intrinsics)
+        current = described(seen, frame, self._describer)
         enough = current.features.has_depth.sum() >= self._config.registration.min_inliers
         if self._predecessor is not None and enough:
             choice = self._features.track_nearest(current)
             if not are_degenerate(choice.estimates):
                 return current, choice
-            self._features.remember(self.described(*self._predecessor), is_keyframe=False)
+            predecessor = described(*self._predecessor, self._describer)
+            self._features.remember(predecessor, is_keyframe=False)
         return current, self._features.track(current)
-
-    def described(self, followed: TrackedFrame, frame: Frame) -> TrackedFrame:
-        """A followed frame with features of its own."""
-        features = self._describer.describe(followed.features.row, frame)
-        return replace(followed, features=features, is_followed=False)
 
     def remember(self, current: TrackedFrame, frame: Frame) -> None:
         """Follow the points of a frame from now on, if its features are its own."""

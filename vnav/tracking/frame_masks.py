@@ -64,13 +64,20 @@ class SeenFrame:
         """The frame without the features and the depth of what moves; the same if nothing does."""
         if not self.moving.any():
             return self.frame
-        row, features = self.row, self.frame.features.features
-        kept = ~blocks_of(self.moving, features.keypoints_px, self.frame.camera.size)
-        points = self.frame.features.points_camera[kept]
-        image = self.frame.image
+        image, coarse = self.frame.image, self.frame.coarse
         image = replace(image, inverse_depth=np.where(self.moving, 0, image.inverse_depth))
-        static = FrameFeatures(row, features[kept], points)
-        return replace(self.frame, features=static, image=image)
+        return replace(
+            self.frame,
+            features=self._static_of(self.frame.features),
+            image=image,
+            coarse=coarse and self._static_of(coarse),
+        )
+
+    def _static_of(self, found: FrameFeatures) -> FrameFeatures:
+        """The features that do not lie on what moves."""
+        features = found.features
+        kept = ~blocks_of(self.moving, features.keypoints_px, self.frame.camera.size)
+        return replace(found, features=features[kept], points_camera=found.points_camera[kept])
 
 
 @dataclass(frozen=True)

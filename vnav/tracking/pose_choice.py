@@ -36,12 +36,25 @@ class TrackedFrame:
     """What tracking keeps of a frame: its features, and its pixels in blocks; its own camera.
 
     ``is_followed``: its features are those of an earlier frame, found again in this one.
+    ``coarse``: those at half its size, of a frame that was described whole after them.
+    ``is_new_view``: it was described whole since it sees enough else to become a keyframe.
     """
 
     features: FrameFeatures
     image: ReducedFrame
     camera: Intrinsics
     is_followed: bool = False
+    coarse: FrameFeatures | None = None
+    is_new_view: bool = False
+
+    @property
+    def is_whole(self) -> bool:
+        """Whether it has all features of its own."""
+        return not (self.is_followed or self.features.is_coarse)
+
+    def features_for(self, other: "TrackedFrame") -> FrameFeatures:
+        """What another frame's features are held against: coarse ones against coarse ones."""
+        return self.coarse or self.features if other.features.is_coarse else self.features
 
 
 @dataclass(frozen=True)

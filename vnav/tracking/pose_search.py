@@ -8,6 +8,7 @@ import numpy as np
 from vnav.config import Config
 from vnav.core.arrays import Array
 from vnav.core.frame import PoseEstimate, Rejected
+from vnav.core.mapping import FrameFeatures
 from vnav.features.matching import DescriptorMatcher
 from vnav.registration.points3d import PointRegistration
 from vnav.tracking.pose_choice import ChosenMotions, PoseChoice, Target, TrackedFrame
@@ -54,8 +55,8 @@ class PoseSearch:
         poses = [t.pose(choice.estimates[t.row]) for t in targets if t.row in choice.estimates]
         found = {}
         for target in targets if poses else []:
-            a, b, T_a_b = target.frame.features, current.features, target.motion(poses[0])
-            near = self._pair(target, current).register_near(a, b, T_a_b)
+            a, b, pair = self._pair(target, current)
+            near = pair.register_near(a, b, target.motion(poses[0]))
             if isinstance(near, PoseEstimate):
                 found[target.row] = replace(near, probability=choice.probability)
         others = {row: e for row, e in choice.alternatives.items() if row in found}
@@ -69,7 +70,7 @@ class PoseSearch:
         expected: Sequence[Array],
     ) -> list[PoseEstimate]:
         """The motion from a target to the best pose so far, else all that matches agree on."""
-        a, b, pair = target.frame.features, current.features, self._pair(target, current)
+        a, b, pair = self._pair(target, current)
         predicted = target.motion(best if best is not None else expected[0]) if expected else None
         if best is not None:
             near = pair.register_near(a, b, target.motion(best))
@@ -83,7 +84,7 @@ class PoseSearch:
 
         An expected pose near which matches agree on another has that one in its stead.
         """
-        a, b, pair = target.frame.features, current.features, self._pair(target, current)
+        a, b, pair = self._pair(target, current)
         predicted, rng = target.motion(choice.poses[0]), self._rng(target, current)
         for pose in choice.missing(target):
             near = pair.register_near(a, b, target.motion(pose))
@@ -92,10 +93,13 @@ class PoseSearch:
                 choice.drop(pose)
         choice.add(target, pair.among_twins(a, b, rng, predicted))
 
-    def _pair(self, target: Target, current: TrackedFrame) -> PointRegistration:
-        images = target.frame.image, current.image
-        camera = current.camera
-        return PointRegistration(camera, camera, self._config, self._matcher, images)
+    def _pair(
+        self, target: Target, current: TrackedFrame
+    ) -> tuple[FrameFeatures, FrameFeatures, PointRegistration]:
+        """Features of the target and of the frame that compare, and what registers them."""
+        images, camera = (target.frame.image, current.image), current.camera
+        pair = PointRegistration(camera, camera, self._config, self._matcher, images)
+        return target.frame.features_for(current), current.features, pair
 
     def _rng(self, target: Target, current: TrackedFrame) -> np.random.Generator:
         return np.random.default_rng([self._seed, target.row, current.features.row])

@@ -13,10 +13,16 @@ from vnav.core.graph import chain
 from vnav.core.mapping import LOST, FrameFeatures, FrameTable, Odometry
 from vnav.core.reduced_frame import ReducedFrame
 from vnav.errors import CaptureError
+from vnav.features.description import FrameDescriber
 from vnav.masking.view import Blocks
 from vnav.registration.dense import DenseEstimate
 from vnav.tracking.dense_tracking import DenseTracker
-from vnav.tracking.feature_tracking import FeatureTracker, are_degenerate
+from vnav.tracking.feature_tracking import (
+    FeatureTracker,
+    are_degenerate,
+    described,
+    is_doubtful,
+)
 from vnav.tracking.followed_frames import FollowedFrames
 from vnav.tracking.keyframes import is_new_view
 from vnav.tracking.map_tracking import MapTracker
@@ -24,6 +30,8 @@ from vnav.tracking.masked_tracking import MaskedTracker
 from vnav.tracking.motion import ConstantVelocity
 from vnav.tracking.pose_choice import ChosenMotions, Motions, TrackedFrame
 from vnav.tracking.second_tracking import SecondTracking
+
+COARSE_SHARE = 5 / 6  # so that keyframes are as dense as by all features
 
 
 class VisualOdometry:
@@ -33,9 +41,10 @@ class VisualOdometry:
         self._config = config
         self._motion = ConstantVelocity()
         self._features = FeatureTracker(config, self._motion)
+        self._describer = FrameDescriber(config)
         self._followed = None
         if config.tracking.method != DESCRIPTORS:
-            self._followed = FollowedFrames(config, self._features, self._motion)
+            self._followed = FollowedFrames(config, self._features, self._motion, self._describer)
         self._masked = MaskedTracker(config, self._features, self._motion)
         self._dense = DenseTracker(config)
         self._map = MapTracker(config, self._motion)
@@ -48,7 +57,8 @@ class VisualOdometry:
     def add(self, features: FrameFeatures, frame: Frame, image: ReducedFrame) -> bool:
         """Track the next frame; True where it becomes a keyframe."""
         self._motion.predict(frame.stamp_s)
-        current, choice = self._tracked(features, frame, image.moving(self._motion.twist))
+        seen = TrackedFrame(features, image.moving(self._motion.twist), frame.intrinsics)
+        current, choice = self._tracked(seen, frame)
         features, frame = current.features, self._masked.without_moving(frame)
         dense = self._align_where_degenerate(frame, choice.estimates)
         if dense and are_degenerate(choice.estimates):
@@ -61,8 +71,8 @@ class VisualOdometry:
         degenerate = self._record(features.row, choice, dense)
         self._edges[features.row] += self._map.track(features.row, frame, choice.probability)
         self._dense.remember(features.row, frame, degenerate)
-        is_own = has_features and not (degenerate or current.is_followed)
-        is_keyframe = is_own and self._is_keyframe(choice.estimates)
+        is_own = has_features and current.is_whole and not degenerate
+        is_keyframe = is_own and self._is_keyframe(current, choice.estimates)
         if has_features:
             self._remember(current, frame, is_keyframe)
         if is_keyframe:
@@ -107,19 +117,37 @@ class VisualOdometry:
             moving_share=masks.shares(len(frames)),
         )
 
-    def _tracked(
-        self, features: FrameFeatures, frame: Frame, image: ReducedFrame
-    ) -> tuple[TrackedFrame, ChosenMotions]:
-        """The frame without what moves, and its motions from earlier ones by features."""
-        if self._followed is None:
-            current = TrackedFrame(features, image, frame.intrinsics)
-            return self._masked.track(current, self._features.track(current))
-        current, choice = self._masked.track(*self._followed.track(features.row, frame, image))
-        if not (current.is_followed and self._is_keyframe(choice.estimates)):
+    def _tracked(self, seen: TrackedFrame, frame: Frame) -> tuple[TrackedFrame, ChosenMotions]:
+        """The frame without what moves, and its motions from earlier ones.
+
+        A frame by some of its features is described whole where it sees enough else to become a
+        keyframe, and where they leave its motion in doubt.
+        """
+        current, choice = self._masked.track(*self._first_tracked(seen, frame))
+        is_doubted = current.features.is_coarse and is_doubtful(choice)
+        is_new_view = not current.is_whole and self._is_keyframe(current, choice.estimates)
+        if not (is_new_view or is_doubted):
             return current, choice
-        described = self._masked.redescribed(self._followed.described(current, frame))
-        near = self._features.track_near(described, choice)
-        return (described, near) if near.estimates else (current, choice)
+        whole = self._masked.redescribed(described(seen, frame, self._describer))
+        if is_doubted:
+            found = self._features.track(whole)
+        else:
+            whole = replace(whole, is_new_view=True)
+            found = self._features.track_near(whole, choice)
+        return (whole, found) if found.estimates else (current, choice)
+
+    def _first_tracked(
+        self, seen: TrackedFrame, frame: Frame
+    ) -> tuple[TrackedFrame, ChosenMotions]:
+        """The frame by few features, or by all where those do not tell its motion."""
+        if self._followed is not None:
+            return self._followed.track(seen, frame)
+        if seen.features.is_coarse:
+            choice = self._features.track_nearest(seen)
+            if not is_doubtful(choice):
+                return seen, choice
+            seen = described(seen, frame, self._describer)
+        return seen, self._features.track(seen)
 
     def _remember(self, current: TrackedFrame, frame: Frame, is_keyframe: bool) -> None:
         """Hold later frames against this one, and follow its points."""
@@ -164,14 +192,20 @@ class VisualOdometry:
             self._edges[row] = _edges(row, choice.estimates)
             self._alternatives[row] = _edges(row, choice.alternatives)
 
-    def _is_keyframe(self, estimates: Motions) -> bool:
+    def _is_keyframe(self, current: TrackedFrame, estimates: Motions) -> bool:
         """By motion and shared view; also where the last keyframe is out of sight."""
         last, previous = self._features.keyframes.last, self._features.previous
-        if last is None or previous is None or last.features.row not in estimates:
+        if current.is_new_view or last is None or previous is None:
+            return True
+        if last.features.row not in estimates:
             return True
         to_keyframe = estimates[last.features.row]
         to_previous = estimates.get(previous.features.row, to_keyframe)
         shared = len(to_keyframe.inliers) / len(to_previous.inliers)
+        if current.features.is_coarse:
+            shared *= COARSE_SHARE
+        elif current.coarse and previous.features.is_coarse:  # which has few to be found
+            shared *= len(current.coarse.features) / len(current.features.features)
         if self._followed is not None:
             shared = min(shared, self._followed.share)
         return is_new_view(to_keyframe.T_a_b, shared, self._config.odometry)
