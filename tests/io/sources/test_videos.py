@@ -32,7 +32,9 @@ def color() -> np.ndarray:
 
 @pytest.fixture
 def depth() -> np.ndarray:
-    return np.random.default_rng(1).integers(500, 9000, (FRAMES, HEIGHT, WIDTH), np.uint16)
+    """A slanted surface, a metre farther from frame to frame, which uses all bits."""
+    ramp = 600 + np.arange(HEIGHT * WIDTH).reshape(HEIGHT, WIDTH)
+    return (ramp + 1000 * np.arange(FRAMES)[:, None, None]).astype(np.uint16)
 
 
 @pytest.fixture

@@ -2,7 +2,7 @@
 
 Undistorting keeps focal lengths and principal point. Depth that is not registered is warped into
 the colour camera as a surface with a z-buffer: accurate below a pixel, nothing filled in where
-nothing was measured.
+nothing was measured. Specks of depth are left out before.
 """
 
 import dataclasses
@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from vnav.core.camera import Camera, Intrinsics
 from vnav.core.frame import Frame
+from vnav.io.sources.specks import without_specks
 
 _SATURATED = 65535  # what 7-Scenes writes for "no depth"; no sensor measures it
 
@@ -82,6 +83,7 @@ class Rectifier:
             raw = cast(StoredDepth, cv2.remap(raw, self._depth_pixels, None, cv2.INTER_NEAREST))
         units_per_metre = np.float32(self._camera.units_per_metre)
         depth_m = np.where(raw == _SATURATED, np.float32(0), raw / units_per_metre)
+        depth_m = without_specks(depth_m)
         return depth_m if self._warp is None else self._warp(depth_m)
 
 
