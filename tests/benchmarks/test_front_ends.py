@@ -32,5 +32,5 @@ def test_a_command_that_fails_is_no_time(front_ends: ModuleType) -> None:
 def test_sizes_are_held_against_those_of_sift(front_ends: ModuleType) -> None:
     wanted = {"orb": 0.85}
     assert front_ends.ratio("house", "orb", "index", 0.8, wanted).wanted == "at most 0.85"
-    assert front_ends.ratio("house", "orb", "index", 0.8, wanted).peer == "SIFT"
+    assert front_ends.ratio("house", "orb", "index", 0.8, wanted).peer == "sift"
     assert front_ends.ratio("house", "sift", "index", 1.0, wanted).peer is None
