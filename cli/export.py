@@ -4,9 +4,9 @@ from pathlib import Path
 
 import click
 
-from vnav.cli.options import map_argument_or_option
+from vnav.cli.options import map_argument_or_option, warn
 from vnav.cli.say import say
-from vnav.io.store.export import PARTS
+from vnav.io.store.export import PARTS, everything
 
 
 @click.command()
@@ -18,19 +18,25 @@ from vnav.io.store.export import PARTS
     show_default="the current folder",
     help="Folder to write to.",
 )
-@click.option("--all", "everything", is_flag=True, help="Every part in every format.")
-def export(map_dir: Path, out: Path, everything: bool, **formats: tuple[str, ...]) -> None:
+@click.option(
+    "--all", "all_parts", is_flag=True, help="Every part in every format that can be written."
+)
+def export(map_dir: Path, out: Path, all_parts: bool, **formats: tuple[str, ...]) -> None:
     """Write parts of a map in the formats asked for; several at once, also of one part.
 
     \b
     vnav export my-map --trajectory tum --cloud ply --out for-others
     vnav export --map my-map --octomap bt --octomap ot
     vnav export my-map --all --out for-others
+    vnav export my-map --rerun rrd --out for-others
     """
     from vnav.api.map import open_map
 
-    every = {name: tuple(part.formats) for name, part in PARTS.items()}
-    wanted = every if everything else {part: forms for part, forms in formats.items() if forms}
+    wanted = {part: list(forms) for part, forms in formats.items() if forms}
+    if all_parts:
+        wanted, reasons = everything()
+        for reason in reasons:
+            warn(f"left out: {reason}")
     if not wanted:
         names = ", ".join(f"--{part}" for part in PARTS)
         raise click.UsageError(f"expected at least one of {names}, or --all")

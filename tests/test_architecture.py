@@ -41,6 +41,7 @@ OWNERS = {
     "rosbags": {"vnav.io.recordings.ros_bag"},
     "apsw": {"vnav.io.recordings.ros_bag"},
     "laspy": {"vnav.io.formats.las"},
+    "rerun": {"vnav.io.formats.rrd"},
     "open3d": {"vnav.volumes"},
     "sklearn": {"vnav.vocabulary"},
     "click": {"vnav.cli"},

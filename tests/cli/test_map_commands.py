@@ -2,6 +2,7 @@
 
 import json
 import shutil
+import sys
 from pathlib import Path
 
 import click
@@ -117,6 +118,21 @@ def test_all_is_every_part_in_every_format(fused_map: Path, tmp_path: Path) -> N
         assert any(name.endswith(f".{suffix}") for name in names), suffix
     assert {"sparse/0/cameras.txt", "transforms.json", "images/000000.jpg"} <= names
     assert f"colmap      {tmp_path / 'images'} (" in result.output
+
+
+def test_all_leaves_out_what_needs_a_package_that_is_missing(
+    fused_map: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for package in ("laspy", "rerun"):
+        monkeypatch.setitem(sys.modules, package, None)
+    result = run("export", fused_map, "--all", "--out", tmp_path)
+    left_out = [line for line in result.stderr.splitlines() if "left out" in line]
+    assert [("[export]" in line, "[rerun]" in line) for line in left_out] == [
+        (True, False),
+        (False, True),
+    ]
+    assert not {"cloud.las", "map.rrd"} & {path.name for path in tmp_path.iterdir()}
+    assert {"cloud.ply", "transforms.json"} <= {path.name for path in tmp_path.iterdir()}
 
 
 def test_a_kitti_trajectory_has_the_same_poses_and_times_beside_it(

@@ -17,9 +17,10 @@ from vnav.core.camera import Intrinsics
 from vnav.core.point_cloud import Mesh, PointCloud
 from vnav.io.store.artifacts import load_cloud, load_mesh, load_optimised
 from vnav.io.store.map_folder import MapFolder
+from vnav.io.store.records import PATH_M
 from vnav.reporting import view3d
 from vnav.reporting.layers import STEPS, cloud_layer, mesh_layer
-from vnav.reporting.scene import MOST_POINTS, MOST_VERTICES, PATH_M, frusta, scene
+from vnav.reporting.scene import MOST_POINTS, MOST_VERTICES, frusta, scene
 
 CAMERA = Intrinsics(320, 240, 300.0, 300.0, 159.5, 119.5)
 

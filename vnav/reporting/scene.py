@@ -25,13 +25,12 @@ from vnav.io.store.artifacts import (
     map_cameras,
 )
 from vnav.io.store.map_folder import MapFolder
-from vnav.io.store.records import LocatedNote, PathNote, is_kind
+from vnav.io.store.records import located_camera, planned_points
 from vnav.reporting.layers import LARGE, Layer, cloud_layer, mesh_layer, voxel_m
 
 MOST_POINTS = 200_000  # of the cloud in a page's text
 MOST_VERTICES = 50_000  # of the surface there
 KEYFRAME_M, PHOTO_M = 0.12, 0.5  # how long cameras are drawn
-PATH_M = 0.05  # how high above the floor a path is
 SQUARE_M, LARGE_SQUARE_M, LARGE_M = 1.0, 5.0, 30.0  # the floor's squares, and of maps so long
 
 
@@ -145,21 +144,14 @@ def _photos(located: list[dict[str, Any]]) -> Layer | None:
 
 def _photo_frustum(note: dict[str, Any] | None) -> Array | None:
     """The pyramid (1, 5, 3) of a photo; None where its note is none that `locate` wrote."""
-    if note is None or not is_kind(note, LocatedNote):
-        return None
-    known = note["intrinsics"]
-    camera = Intrinsics(*(known[key] for key in ("width", "height", "fx", "fy", "cx", "cy")))
-    if not camera.is_possible:
-        return None
-    return frusta(np.array([note["T_world_camera"]], float), camera, PHOTO_M)
+    located = located_camera(note)
+    return frusta(located[0][None], located[1], PHOTO_M) if located else None
 
 
 def _path(planned: dict[str, Any] | None) -> Layer | None:
-    """The last path, a little above the floor."""
-    if planned is None or not is_kind(planned, PathNote) or not planned["path_m"]:
+    points = planned_points(planned)
+    if planned is None or points is None:
         return None
-    points = np.array(planned["path_m"], float)
-    points[:, 2] = PATH_M  # in the place of yaw
     values = {"kind": "lines", "lines": [points.astype("<f4")]}
     return Layer(f"path, {planned['length_m']:.1f} m", "#43a047", values)
 

@@ -20,6 +20,7 @@ from vnav.io.store.artifacts import load_cloud, load_grid, load_keyframe_depth, 
 from vnav.io.store.map_folder import MapFolder
 from vnav.io.store.places_file import load_zones
 from vnav.io.store.posed_keyframes import load_posed_keyframes
+from vnav.io.store.viewed_map import write_viewed_map
 
 
 def obj(folder: MapFolder, out: Path) -> list[Path]:
@@ -55,6 +56,12 @@ def transforms(folder: MapFolder, out: Path) -> list[Path]:
     write_cloud(cloud, PointCloud(views.landmarks.points_world, views.colors))
     write_transforms(path, views, colors.name, depths.name, cloud.name)
     return [colors, depths, cloud, path]
+
+
+def rerun(folder: MapFolder, out: Path) -> list[Path]:
+    """All that is seen of the map, as a recording for rerun."""
+    write_viewed_map(folder, out / "map.rrd")
+    return [out / "map.rrd"]
 
 
 def keepout(folder: MapFolder, out: Path) -> list[Path]:

@@ -8,6 +8,7 @@ from pathlib import Path
 from vnav.errors import MapError
 from vnav.io.files import copy_into, write_text
 from vnav.io.formats.las import require_laspy
+from vnav.io.formats.rrd import require_rerun
 from vnav.io.formats.trajectories import read_tum, write_kitti
 from vnav.io.store.map_folder import MapFolder
 
@@ -28,10 +29,10 @@ def export(
             f"expected to export to a folder outside the map {folder.root}, found {out}; name"
             " another with --out"
         )
-    for part in wanted:
+    for part, forms in wanted.items():
         folder.stage(PARTS[part].stage)
-    if "las" in wanted.get("cloud", ()):
-        require_laspy()
+        for form in forms:
+            _require_package(part, form)
     try:
         out.mkdir(parents=True, exist_ok=True)
         return {
@@ -42,6 +43,26 @@ def export(
         raise MapError(
             f"expected to write to {out}, found: {error.strerror}; name another folder with --out"
         ) from error
+
+
+def everything() -> tuple[dict[str, list[str]], list[str]]:
+    """Every part in every format that can be written here, and why some formats cannot."""
+    possible, reasons = dict[str, list[str]](), list[str]()
+    for name, part in PARTS.items():
+        for form in part.formats:
+            try:
+                _require_package(name, form)
+            except MapError as error:
+                reasons.append(str(error))
+            else:
+                possible.setdefault(name, []).append(form)
+    return possible, reasons
+
+
+def _require_package(part: str, form: str) -> None:
+    """MapError where a format needs a package that is not installed."""
+    if (part, form) in PACKAGES:
+        PACKAGES[part, form]()
 
 
 def _copy(stage: str, *names: str) -> Writer:
@@ -137,4 +158,11 @@ PARTS = {
         "optimise",
         {"json": _made("transforms")},
     ),
+    "rerun": Part(
+        "All of it for the rerun viewer; needs rerun-sdk.",
+        "fuse",
+        {"rrd": _made("rerun")},
+    ),
 }
+
+PACKAGES = {("cloud", "las"): require_laspy, ("rerun", "rrd"): require_rerun}

@@ -4,7 +4,9 @@ from pathlib import Path, PurePosixPath
 from typing import Any, TypedDict, TypeVar
 
 import msgspec
+import numpy as np
 
+from vnav.core.arrays import Array
 from vnav.core.camera import Intrinsics
 from vnav.errors import MEND, MapError
 from vnav.io.files import read_bytes
@@ -12,6 +14,7 @@ from vnav.io.files import read_bytes
 Kind = TypeVar("Kind")
 PoseRow = tuple[float, float, float, float]
 PoseNote = tuple[PoseRow, PoseRow, PoseRow, PoseRow]  # a transformation
+PATH_M = 0.05  # how high above the floor a path is drawn
 
 
 class MappedCapture(TypedDict):
@@ -95,6 +98,27 @@ def is_kind(values: Any, kind: Any) -> bool:
     except msgspec.ValidationError:
         return False
     return True
+
+
+def located_camera(note: Any) -> tuple[Array, Intrinsics] | None:
+    """``T_world_camera`` (4, 4) of a located photo, and its camera.
+
+    None where its note is none that `locate` wrote.
+    """
+    if not is_kind(note, LocatedNote):
+        return None
+    known = note["intrinsics"]
+    camera = Intrinsics(*(known[key] for key in ("width", "height", "fx", "fy", "cx", "cy")))
+    return (np.array(note["T_world_camera"], float), camera) if camera.is_possible else None
+
+
+def planned_points(note: Any) -> Array | None:
+    """The last path (N, 3), a little above the floor; None where its note is none of `plan`."""
+    if not is_kind(note, PathNote) or not note["path_m"]:
+        return None
+    points = np.array(note["path_m"], float)
+    points[:, 2] = PATH_M  # in the place of yaw
+    return points
 
 
 def require_inside(names: dict[str, str], where: object) -> None:
