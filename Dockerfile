@@ -18,7 +18,7 @@ COPY cli /source/cli
 COPY configs /source/configs
 COPY datasets /source/datasets
 RUN python3 -m venv /opt/vnav \
- && /opt/vnav/bin/pip install --no-cache-dir --constraint /source/constraints.txt '/source[export,heic,ros]'
+ && /opt/vnav/bin/pip install --no-cache-dir --constraint /source/constraints.txt '/source[export,heic,record3d,ros]'
 
 # Whoever runs it, by --user, too, has a home and a folder to work in.
 RUN useradd --no-create-home --home-dir /home/vnav vnav \

@@ -40,6 +40,7 @@ OWNERS = {
     "pillow_heif": {"vnav.io.photos.heic"},
     "rosbags": {"vnav.io.recordings.ros_bag"},
     "apsw": {"vnav.io.recordings.ros_bag"},
+    "imagecodecs": {"vnav.io.formats.record3d_file"},
     "laspy": {"vnav.io.formats.las"},
     "rerun": {"vnav.io.formats.rrd"},
     "open3d": {"vnav.volumes"},

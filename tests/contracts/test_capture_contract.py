@@ -15,6 +15,7 @@ import numpy as np
 import pytest
 
 from tests.films import film
+from tests.phones import members, write_r3d
 from vnav.config import CaptureConfig
 from vnav.core import se3
 from vnav.core.frame import Frame
@@ -24,6 +25,7 @@ from vnav.io.sources.capture import Capture, FileBacked
 from vnav.io.sources.folder_capture import FolderCapture
 from vnav.io.sources.memory import frames
 from vnav.io.sources.open_capture import FORMATS, open_capture
+from vnav.io.sources.record3d import open_recording
 from vnav.io.sources.rectify import rectified
 from vnav.io.sources.subset import Subset
 
@@ -156,11 +158,22 @@ def chosen(root: Path, recording: Recording) -> Capture:
     return Subset(whole, range(1, 2 * FRAMES, 2))
 
 
+def in_record3d(root: Path, recording: Recording) -> Capture:
+    """The recording as one file of a phone, in metres."""
+    root.mkdir(parents=True, exist_ok=True)
+    camera = root / "camera.toml"
+    camera.write_text(recording.camera.replace("units_per_metre = 1000", "units_per_metre = 1"))
+    depth_m = recording.depth / np.float32(1000)
+    path = write_r3d(root / "capture.r3d", members(recording.color, depth_m, {"fps": 10}))
+    return open_recording(path, CaptureConfig(), camera)
+
+
 Source = Callable[[Path, Recording], Capture]
 SOURCES: dict[str, Source] = {
     **{name: partial(written, name) for name in WRITERS},
     "arrays": in_memory,
     "subset": chosen,
+    "Record3D": in_record3d,
 }
 
 

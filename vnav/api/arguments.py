@@ -15,6 +15,7 @@ from vnav.errors import PhotoError
 from vnav.io.photos.photo_files import AUTO, PhotoCameraSource
 from vnav.io.sources.capture import Capture
 from vnav.io.sources.open_capture import open_capture, read_poses
+from vnav.io.sources.record3d import is_recording, open_recording
 
 AnyPath = str | PathLike[str]
 ConfigSource = Config | AnyPath | None  # None: the defaults
@@ -34,12 +35,12 @@ def config_of(source: ConfigSource) -> Config:
 
 
 def capture_of(source: CaptureSource, settings: Config, camera: AnyPath | None) -> Capture:
-    """A capture as it is, or the one in a folder; ``camera``: a camera.toml, where it has none."""
-    if isinstance(source, str | PathLike):
-        return open_capture(
-            Path(source), settings.capture, None if camera is None else Path(camera)
-        )
-    return source
+    """A capture as it is, or the one at a path; ``camera``: a camera.toml, where it has none."""
+    if not isinstance(source, str | PathLike):
+        return source
+    path, camera_file = Path(source), None if camera is None else Path(camera)
+    opened = open_recording if is_recording(path) else open_capture
+    return opened(path, settings.capture, camera_file)
 
 
 def trajectory_of(source: TrajectorySource) -> Trajectory:

@@ -20,6 +20,7 @@ from vnav.core.progress import Progress, silent
 from vnav.core.trajectory import Trajectory
 from vnav.errors import CaptureError
 from vnav.io.sources.open_capture import read_truth, truth_of
+from vnav.io.sources.record3d import is_recording
 
 if TYPE_CHECKING:
     from vnav.checking.capture_report import CaptureReport
@@ -119,7 +120,7 @@ def truth_of_capture(
     if not isinstance(capture, str | PathLike):
         return None
     path, camera_file = Path(capture), None if camera is None else Path(camera)
-    if truth_of(path, settings.capture) is None:
+    if is_recording(path) or truth_of(path, settings.capture) is None:
         return None
     return read_truth(path, settings.capture, camera_file)
 

@@ -29,13 +29,18 @@ def read_image(path: Path) -> NDArray[np.uint8]:
 
     An orientation in its EXIF is applied.
     """
-    bgr = _decoded(path, cv2.IMREAD_COLOR)
+    return image_of(_content(path), path)
+
+
+def image_of(data: bytes, where: object) -> NDArray[np.uint8]:
+    """The image that a file's bytes are, as `read_image`; ``where`` they come from is told."""
+    bgr = _decoded(data, where, cv2.IMREAD_COLOR)
     return np.asarray(cv2.cvtColor(bgr, cv2.COLOR_BGR2RGB), np.uint8)
 
 
 def read_depth(path: Path) -> NDArray[np.uint16]:
     """A depth image (H, W) uint16 as stored; CaptureError also where it is of another kind."""
-    depth = _decoded(path, cv2.IMREAD_UNCHANGED)
+    depth = _decoded(_content(path), path, cv2.IMREAD_UNCHANGED)
     if depth.dtype != np.uint16 or depth.ndim != 2:
         channels = 1 if depth.ndim == 2 else depth.shape[2]
         raise CaptureError(
@@ -47,7 +52,7 @@ def read_depth(path: Path) -> NDArray[np.uint16]:
 
 def read_gray(path: Path) -> NDArray[np.uint8]:
     """An image (H, W) uint8 of grey levels as stored; CaptureError as `read_image`."""
-    return np.asarray(_decoded(path, cv2.IMREAD_GRAYSCALE), np.uint8)
+    return np.asarray(_decoded(_content(path), path, cv2.IMREAD_GRAYSCALE), np.uint8)
 
 
 def image_size(path: Path) -> tuple[int, int]:
@@ -58,7 +63,7 @@ def image_size(path: Path) -> tuple[int, int]:
     data = _content(path)
     size = size_if_whole(data, path)
     if size is None:
-        height, width = _decoded(path, cv2.IMREAD_UNCHANGED).shape[:2]
+        height, width = _decoded(data, path, cv2.IMREAD_UNCHANGED).shape[:2]
         return width, height
     return size
 
@@ -100,15 +105,14 @@ def is_whole(path: Path) -> bool | None:
         return False
 
 
-def _decoded(path: Path, flags: int) -> NDArray[np.generic]:
-    data = _content(path)
-    size_if_whole(data, path)
+def _decoded(data: bytes, where: object, flags: int) -> NDArray[np.generic]:
+    size_if_whole(data, where)
     try:
         image = cv2.imdecode(np.frombuffer(data, np.uint8), flags) if data else None
     except cv2.error:  # an image larger than OpenCV accepts
         image = None
     if image is None:
-        raise CaptureError(f"expected an image in {path}, found a file OpenCV cannot decode")
+        raise CaptureError(f"expected an image in {where}, found a file OpenCV cannot decode")
     return np.asarray(image)
 
 

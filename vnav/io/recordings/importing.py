@@ -22,6 +22,7 @@ from vnav.io.recordings.ros_plan import STATIC, ImportPlan, plan_import
 from vnav.io.recordings.ros_topics import TopicNames
 from vnav.io.recordings.transform_tree import TransformTree
 from vnav.io.sources.open_capture import recognised
+from vnav.io.sources.record3d import is_recording
 
 MOST_NAMED = 100  # of the messages that are skipped
 NOT_NAMED = TopicNames()
@@ -99,10 +100,12 @@ def import_recording(
 
 
 def _require_no_capture(source: Path) -> None:
-    if (reader := recognised(source)) is not None:
+    reader = recognised(source)
+    if reader is not None or is_recording(source):
+        what = f"a capture folder ({reader.NAME})" if reader else "a file of Record3D"
         raise CaptureError(
-            f"expected a recording at {source}, found a capture folder ({reader.NAME}), which vnav"
-            f" reads as it is: 'vnav build-map {source}'"
+            f"expected a recording at {source}, found {what}, which vnav reads as it is:"
+            f" 'vnav build-map {source}'"
         )
 
 
