@@ -32,6 +32,7 @@ from vnav.io.store.map_folder import MapFolder
 from vnav.localisation.verdict.answer import PhotoAnswer, UnreadablePhoto
 
 if TYPE_CHECKING:
+    from vnav.localisation.database import LandmarkDatabase
     from vnav.pipeline.build import BuiltMap
     from vnav.reporting.map_server import MapServer
     from vnav.stages.locate import Locator
@@ -148,7 +149,7 @@ class Map:
 
             asked: dict[str, Any] = {"camera": camera, "config": config, "progress": progress}
             answers = self.locate_all(photos, jobs=jobs, scheduler=scheduler, **asked)
-            return remembering(self._folder, answers)
+            return self._keeping_overlays(remembering(self._folder, answers))
         settings, source = config_of(config), photo_camera_of(camera)
         paths = tuple(Path(photo).absolute() if scheduler else Path(photo) for photo in photos)
         if jobs or scheduler:
@@ -285,7 +286,7 @@ class Map:
         """Write a picture of a photo's file with what was found in it, the map beside it."""
         from vnav.reporting import overlay
 
-        overlay.draw(answer, self._locator(Config(), None).database, Path(path))
+        overlay.draw(answer, self._database(), Path(path))
 
     def draw_plan(self, answer: "PlanAnswer", path: AnyPath) -> None:
         """Write a PNG of a path on the grid."""
@@ -331,12 +332,25 @@ class Map:
             loaded = self._loaded
         return dataclasses.replace(loaded, config=config, camera=camera)
 
+    def _keeping_overlays(
+        self, answers: Iterable[PhotoAnswer | UnreadablePhoto]
+    ) -> Iterator[PhotoAnswer | UnreadablePhoto]:
+        """Answers as they come; the report shows overlays of those that were located."""
+        from vnav.reporting.located_photos import keeping_overlays
+
+        return keeping_overlays(self._folder, self._database, answers)
+
+    def _database(self) -> "LandmarkDatabase":
+        return self._locator(Config(), None).database
+
     def _remembered(self, answer: PhotoAnswer) -> PhotoAnswer:
         """The answer, with a warning where the map cannot be written."""
         from vnav.stages.locate import remember
 
         problem = remember(self._folder, answer)
         if problem is None:
+            if answer.located:
+                list(self._keeping_overlays([answer]))
             return answer
         return dataclasses.replace(answer, warnings=(*answer.warnings, problem))
 

@@ -20,6 +20,8 @@ tr + tr td:only-child { border: 0; padding: 0 0 .5rem }
 figure { margin: 1rem 0 } figcaption { opacity: .75; font-size: 14px }
 img { display: block; width: 100%; background: #fff; border-radius: 6px; margin: .5rem 0 }
 .beside { display: flex; gap: 1rem; align-items: start } .beside > * { flex: 1; min-width: 0 }
+.photos { display: grid; gap: 0 1rem; grid-template-columns: repeat(auto-fill, minmax(14rem, 1fr)) }
+.photos figure { margin: .25rem 0; min-width: 0 } .photos figcaption { overflow-wrap: anywhere }
 pre { overflow-x: auto; font-size: 13px }
 .tiles { display: flex; flex-wrap: wrap; gap: .75rem; margin: 1.5rem 0 }
 .tile { flex: 1 1 6.5rem; padding: .6rem .75rem; border-radius: 8px; background: var(--soft) }
@@ -86,6 +88,11 @@ def _cell(text: str, span: str = "") -> str:
 def beside(*parts: str) -> str:
     """Pictures side by side."""
     return f'<div class="beside">{"".join(parts)}</div>'
+
+
+def photos(parts: Iterable[str]) -> str:
+    """Small pictures, as many beside each other as there is room for."""
+    return f'<div class="photos">{"".join(parts)}</div>'
 
 
 def details(name: str, text: str) -> str:

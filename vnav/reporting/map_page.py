@@ -17,6 +17,7 @@ from vnav.io.store.map_folder import STAGES, MapFolder, to_json
 from vnav.io.store.overview import overview
 from vnav.reporting import html, view3d
 from vnav.reporting import map_pictures as pictures
+from vnav.reporting.located_photos import MOST
 
 JPEG = (cv2.IMWRITE_JPEG_QUALITY, 85)
 CAPTIONS = {
@@ -57,6 +58,7 @@ def page(folder: MapFolder, view: str, images: Mapping[str, bytes]) -> str:
         _tiles(values),
         _warnings(reports),
         _pictures(images),
+        _photos(folder.overlays()),
         _stages(values, reports),
         _lost(values),
         _loops(values, load_loops(folder) if "loops" in values else ()),
@@ -121,6 +123,18 @@ def _picture(name: str, data: bytes) -> str:
         image = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR)
         data, kind = cv2.imencode(".jpg", image, JPEG)[1].tobytes(), "jpeg"
     return html.picture(name, data, CAPTIONS[name], kind)
+
+
+def _photos(overlays: Sequence[tuple[str, bytes]]) -> str:
+    """What was found in the photos located last; nothing where there are none."""
+    if not overlays:
+        return ""
+    shown = [html.picture(name, jpeg, name, "jpeg") for name, jpeg in overlays]
+    return (
+        "<h2>Photos located last</h2>\n<p>Blue is what the map predicts, green are features that"
+        " agree with it, and yellow lines show how far they are off. Of many photos the first"
+        f" {MOST} are shown.</p>\n{html.photos(shown)}"
+    )
 
 
 def _stages(values: dict[str, Any], reports: dict[str, dict[str, Any]]) -> str:

@@ -28,13 +28,7 @@ def draw(answer: PhotoAnswer, database: LandmarkDatabase, path: Path) -> None:
     located shows its features, and the places it may have been taken at, in red. A legend stands
     below. VnavError where the picture cannot be written.
     """
-    canvas = _seen(answer)
-    if answer.best is not None:
-        _draw_pose(canvas, answer, answer.best, database)
-    else:
-        for x, y in answer.photo.features.keypoints_px:
-            cv2.circle(canvas, (round(x), round(y)), 2, RED, -1, cv2.LINE_AA)
-    canvas = _beside(canvas, answer, database.index.voxels)
+    canvas = _beside(over_photo(answer, database), answer, database.index.voxels)
     _draw_title(canvas, summary(answer).removeprefix(f"{answer.path}: "))
     canvas = with_legend(canvas, _entries(answer, database.index.voxels))
     if path.resolve() == answer.path.resolve():
@@ -43,6 +37,17 @@ def draw(answer: PhotoAnswer, database: LandmarkDatabase, path: Path) -> None:
             " another with --overlay"
         )
     write_picture(path, canvas, "--overlay")
+
+
+def over_photo(answer: PhotoAnswer, database: LandmarkDatabase) -> NDArray[np.uint8]:
+    """The photo (H, W, 3), BGR, with what was found in it; PhotoError where it is not there."""
+    canvas = _seen(answer)
+    if answer.best is not None:
+        _draw_pose(canvas, answer, answer.best, database)
+    else:
+        for x, y in answer.photo.features.keypoints_px:
+            cv2.circle(canvas, (round(x), round(y)), 2, RED, -1, cv2.LINE_AA)
+    return canvas
 
 
 def _seen(answer: PhotoAnswer) -> NDArray[np.uint8]:

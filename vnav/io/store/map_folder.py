@@ -12,6 +12,7 @@ import json
 import os
 import secrets
 import shutil
+from base64 import b64encode
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -30,6 +31,7 @@ from vnav.io.store.records import (
     StageRecord,
     checked,
     is_kind,
+    kept_overlays,
     require_inside,
 )
 
@@ -292,6 +294,15 @@ class MapFolder:
         """The photos that were located last together, in the world that the map has now."""
         found: list[dict[str, Any]] = self._state("photos").get("photos", [])
         return found if is_kind(found, list[dict[str, Any]]) else []
+
+    def write_overlays(self, overlays: Sequence[tuple[str, bytes]]) -> None:
+        """Keep small JPEGs of the photos located last, by name; OSError where it is read-only."""
+        kept = [{"photo": name, "jpeg": b64encode(data).decode()} for name, data in overlays]
+        self._write_state("overlays", {"overlays": kept})
+
+    def overlays(self) -> list[tuple[str, bytes]]:
+        """Names and JPEGs of the photos located last, in the world that the map has now."""
+        return kept_overlays(self._state("overlays").get("overlays"))
 
     def _write_state(self, name: str, values: Mapping[str, Any]) -> None:
         (self.root / "state").mkdir(exist_ok=True)

@@ -73,6 +73,13 @@ class PathNote(TypedDict):
     length_m: float
 
 
+class OverlayNote(TypedDict):
+    """What state/overlays.json says of a located photo; bytes are base64 there."""
+
+    photo: str
+    jpeg: bytes
+
+
 def read_json(path: Path, kind: type[Kind]) -> Kind:
     """What a JSON file holds; OSError, or ValueError where it is nothing of that kind."""
     try:
@@ -119,6 +126,14 @@ def planned_points(note: Any) -> Array | None:
     points = np.array(note["path_m"], float)
     points[:, 2] = PATH_M  # in the place of yaw
     return points
+
+
+def kept_overlays(notes: Any) -> list[tuple[str, bytes]]:
+    """Names and JPEGs of photos; none where the notes are none that `locate` wrote."""
+    try:
+        return [(n["photo"], n["jpeg"]) for n in msgspec.convert(notes, list[OverlayNote])]
+    except msgspec.ValidationError:
+        return []
 
 
 def require_inside(names: dict[str, str], where: object) -> None:
