@@ -1,7 +1,10 @@
 """Captures are checked, trajectories scored, whole suites evaluated."""
 
+import dataclasses
 import logging
+import os
 from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
 from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -40,16 +43,21 @@ def check(
     picture: AnyPath | None = None,
     progress: Progress = silent,
 ) -> "CaptureReport":
-    """Look at a capture before a map is made of it: every file, times, some of the frames.
+    """Look at a capture before a map is made of it: every file, times, light, some of the frames.
 
     ``problems`` of what it gives say what would stop a map. ``picture``: a PNG to draw some frames
     into, with the edges of depth over colour, unless the capture is unfit for other reasons than
     its units. Other arguments as for `build_map`.
     """
     from vnav.checking.capture_report import inspect
+    from vnav.lighting.flattened import corners_of
 
-    source = capture_of(capture, config_of(config), camera)
+    settings = config_of(config)
+    source = capture_of(capture, settings, camera)
     report = inspect(source, progress=progress)
+    if settings.capture.flatten == "auto" and not report.fatal:
+        with ThreadPoolExecutor(os.cpu_count()) as pool:
+            report = dataclasses.replace(report, corners=corners_of(source, pool, progress))
     if picture is not None and not report.fatal:
         from vnav.reporting.depth_picture import draw
 

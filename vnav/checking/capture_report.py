@@ -26,7 +26,9 @@ class CaptureReport:
 
     ``files``: None where the frames are not files. ``fatal`` and ``implausible_units`` (None:
     plausible) stop a map, the latter unless forced; ``fitting_units``: units_per_metre that would
-    make depth plausible, None where none would.
+    make depth plausible, None where none would; ``corners``: how bright the images' corners are, 1
+    in the centre and where the light does not fall off by so much that it is taken off, None where
+    that was not measured or cannot be told.
     """
 
     name: str
@@ -39,6 +41,7 @@ class CaptureReport:
     implausible_units: str | None
     fitting_units: float | None
     warnings: tuple[str, ...]
+    corners: float | None = None
 
     def as_dict(self) -> dict[str, Any]:
         """Plain values for JSON; sizes as "640x480"."""
@@ -114,6 +117,7 @@ def summary(report: CaptureReport) -> list[str]:
         f" {timing.largest_gap_s * 1e3:.0f} ms"
     )
     seen = [] if look is None else _seen(look, report.camera.units_per_metre)
+    seen += _light_text(report.corners)
     if files is None:
         return [f"capture  {report.name}", frames, times, *seen]
     color, depth = sizes_text(files.color_sizes), _depth_text(report.camera, files)
@@ -127,6 +131,13 @@ def summary(report: CaptureReport) -> list[str]:
         *seen,
         f"truth    {files.truth or 'none'}",
     ]
+
+
+def _light_text(corners: float | None) -> list[str]:
+    if corners is None:
+        return []
+    falls = f"falls to {corners:.0%} at the corners: it will be taken off"
+    return [f"light    {falls if corners < 1 else 'does not fall off by what would harm a map'}"]
 
 
 def _depth_text(camera: Camera, files: FileFindings) -> str:

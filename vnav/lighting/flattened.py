@@ -64,6 +64,19 @@ def flattened(
     return Flattened(capture, profile), light
 
 
+def corners_of(
+    capture: Capture, pool: ThreadPoolExecutor, progress: Progress = silent
+) -> float | None:
+    """How bright the corners of a capture's images are, 1 in the centre.
+
+    1 where the light does not fall off surely and strongly, None where that cannot be told.
+    """
+    profile = light_of(capture, pool, progress)
+    if profile is None:
+        return None
+    return float(profile.brightness(1.0)) if profile.is_strong else 1.0
+
+
 def light_of(
     capture: Capture, pool: ThreadPoolExecutor, progress: Progress = silent
 ) -> LightProfile | None:
