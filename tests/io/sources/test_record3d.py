@@ -14,7 +14,7 @@ from tests.phones import members, packed, write_r3d
 from vnav.api.arguments import capture_of
 from vnav.config import CaptureConfig, Config
 from vnav.core.camera import Camera
-from vnav.errors import CameraError, CaptureError
+from vnav.errors import CameraError, CaptureError, ConfigError
 from vnav.io.formats.camera_file import camera_text
 from vnav.io.formats.trajectories import read_tum
 from vnav.io.recordings.importing import import_recording
@@ -285,6 +285,11 @@ def test_a_file_that_is_cut_off_is_no_recording(
         ({"w": "wide"}, CameraError, "w, h and K"),
         ({"w": 0}, CameraError, "possible camera"),
         ({"perFrameIntrinsicCoeffs": FRAMES * [[1, 2]]}, CameraError, "w, h and K"),
+        (
+            {"perFrameIntrinsicCoeffs": FRAMES * [[9, 9, 9, float("nan")]]},
+            CameraError,
+            "no numbers",
+        ),
         ({"frameTimestamps": FRAMES * ["now"]}, CaptureError, "frameTimestamps"),
         ({"frameTimestamps": FRAMES * [float("nan")]}, CaptureError, "frameTimestamps"),
         ({"frameTimestamps": FRAMES * [10**400]}, CaptureError, "frameTimestamps"),
@@ -300,6 +305,28 @@ def test_metadata_that_cannot_be_is_named(
 ) -> None:
     with pytest.raises(error, match=said):
         opened(tmp_path, told(content, **values))
+
+
+def test_a_list_of_cameras_that_ends_early_gives_way_to_the_one_of_all(
+    content: dict[str, bytes], tmp_path: Path
+) -> None:
+    stamps_s = [9.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0]  # the first frame comes last
+    three = 3 * [[1.0, 1.0, 1.0, 1.0]]
+    changed = told(content, frameTimestamps=stamps_s, perFrameIntrinsicCoeffs=three)
+    assert opened(tmp_path, changed).camera.color == COLOR
+
+
+def test_units_that_no_camera_has_are_refused(content: dict[str, bytes], tmp_path: Path) -> None:
+    with pytest.raises(ConfigError, match="capture.units_per_metre"):
+        opened(tmp_path, content, CaptureConfig(units_per_metre=1e-300))
+
+
+def test_confidence_that_is_lost_changes_the_fingerprint(
+    content: dict[str, bytes], tmp_path: Path
+) -> None:
+    found = {opened(tmp_path, content | {"rgbd/3.conf": b""}).fingerprint()}
+    del content["rgbd/3.conf"]
+    assert len(found | {opened(tmp_path, content).fingerprint()}) == 2
 
 
 @pytest.mark.parametrize("text", [b"", b"[1]", b"{", b"[" * 100_000, b"\xff\xfe\x00"])

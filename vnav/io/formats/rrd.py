@@ -104,7 +104,7 @@ class RerunRecording:
 
     def write(self, path: Path) -> None:
         """Write all of it; OSError where the file cannot be written."""
-        write_bytes(path, self._bytes.read(flush=True) or b"")
+        write_bytes(path, self._bytes.read(flush=True))
 
     def _add(self, name: str, what: Any) -> None:
         self._stream.log(f"{WORLD}/{name}", what, static=True)

@@ -106,6 +106,15 @@ def recognised(path: Path) -> CaptureFormat | None:
     return next((reader for reader in formats if reader.recognises(path)), None)
 
 
+def require_units(config: CaptureConfig) -> None:
+    """ConfigError where no camera can have the units that are set."""
+    units = config.units_per_metre
+    if 0 < units < LEAST:
+        raise ConfigError(
+            f"expected capture.units_per_metre to be 0 or at least {LEAST:g}, found {units:g}"
+        )
+
+
 def _format_of(path: Path) -> CaptureFormat:
     if (reader := recognised(path)) is not None:
         return reader
@@ -130,11 +139,8 @@ def _taken(
     root: Path, config: CaptureConfig, camera_file: Path | None, frames: FrameList
 ) -> tuple[Camera, FrameList]:
     """The camera of a capture, and its frames with the cameras that they have then."""
+    require_units(config)
     units = config.units_per_metre
-    if 0 < units < LEAST:
-        raise ConfigError(
-            f"expected capture.units_per_metre to be 0 or at least {LEAST:g}, found {units:g}"
-        )
     own = root / "camera.toml"
     path = camera_file or (own if own.is_file() else None)
     if path is None and frames.camera is not None:

@@ -29,6 +29,7 @@ from vnav.io.cameras.tables import from_corner, is_number, pinhole
 from vnav.io.formats.camera_file import read_camera
 from vnav.io.formats.images import image_of
 from vnav.io.formats.record3d_file import MOST_BYTES, Record3dArchive, require_imagecodecs
+from vnav.io.sources.open_capture import require_units
 from vnav.io.sources.rectify import rectified, rectifier
 
 SUFFIX = ".r3d"
@@ -108,14 +109,13 @@ class Record3dCapture:
         return colour, depth, sure
 
     def _digest(self, index: int) -> list[str]:
-        """Hashes of a frame's members; one that is damaged has one, too."""
+        """Hashes of a frame's members, or what is wrong with them."""
         found = list[str]()
         for name in self._members(index):
             try:
-                data = self._archive.read(name) if name in self._archive.sizes else b""
-                found.append(hashlib.sha256(data).hexdigest())
+                found.append(hashlib.sha256(self._archive.read(name)).hexdigest())
             except CaptureError:
-                found.append("unreadable")
+                found.append("unreadable" if name in self._archive.sizes else "missing")
         return found
 
 
@@ -129,6 +129,7 @@ def open_recording(
     there are no frames with depth, CameraError where there is no camera.
     """
     require_imagecodecs(path)
+    require_units(config)
     archive = Record3dArchive(path)
     values = _metadata(archive)
     numbers = sorted(int(found[1]) for found in map(_COLOR.fullmatch, archive.sizes) if found)
@@ -188,7 +189,7 @@ def _stamps_s(
 def _one_each(values: Values, key: str, numbers: Sequence[int]) -> list[Any] | None:
     """What a list tells of each of these frames, None where it does not reach as far."""
     told = values.get(key)
-    if not isinstance(told, list) or len(told) <= numbers[-1]:
+    if not isinstance(told, list) or len(told) <= max(numbers):
         return None
     return [told[number] for number in numbers]
 
@@ -201,7 +202,9 @@ def _colors(archive: Record3dArchive, values: Values, numbers: Sequence[int]) ->
         if each is None:
             each = [list(pinhole(values.get("K"), by_columns=True).values())] * len(numbers)
         width, height = int(values["w"]), int(values["h"])
-        own = [dict(zip(_CAMERA, map(float, one), strict=True)) for one in each]
+        own = [dict(zip(_CAMERA, one, strict=True)) for one in each]
+        if not all(is_number(value) for one in own for value in one.values()):
+            raise ValueError("what are no numbers")
     except (LookupError, OverflowError, TypeError, ValueError) as error:
         raise CameraError(f"expected w, h and K of a camera in {where}, found: {error}") from error
     colors = [Intrinsics(width, height, **from_corner(one)) for one in own]
