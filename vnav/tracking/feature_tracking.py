@@ -84,14 +84,14 @@ def described(seen: TrackedFrame, frame: Frame, describer: FrameDescriber) -> Tr
     return replace(seen, features=features, is_followed=False, coarse=coarse)
 
 
-def is_doubtful(choice: ChosenMotions) -> bool:
+def is_doubtful(choice: ChosenMotions, max_sigma_m: float = MAX_SIGMA_M) -> bool:
     """Whether the motions of a frame need more features to be told."""
-    return are_degenerate(choice.estimates) or choice.probability < UNSURE
+    return are_degenerate(choice.estimates, max_sigma_m) or choice.probability < UNSURE
 
 
-def are_degenerate(estimates: Motions) -> bool:
-    """Whether none tells every direction of the translation to `MAX_SIGMA_M`, or there is none."""
+def are_degenerate(estimates: Motions, max_sigma_m: float = MAX_SIGMA_M) -> bool:
+    """Whether none tells every direction of the translation to so much, or there is none."""
     return all(
-        np.linalg.inv(estimate.information)[3:, 3:].diagonal().max() > MAX_SIGMA_M**2
+        np.linalg.inv(estimate.information)[3:, 3:].diagonal().max() > max_sigma_m**2
         for estimate in estimates.values()
     )

@@ -31,6 +31,7 @@ from vnav.tracking.motion import ConstantVelocity
 from vnav.tracking.pose_choice import ChosenMotions, Motions, TrackedFrame
 from vnav.tracking.second_tracking import SecondTracking
 
+MAX_COARSE_SIGMA_M = 0.003  # of the translation, that all features would tell better
 COARSE_SHARE = 5 / 6  # so that keyframes are as dense as by all features
 
 
@@ -124,7 +125,7 @@ class VisualOdometry:
         keyframe, and where they leave its motion in doubt.
         """
         current, choice = self._masked.track(*self._first_tracked(seen, frame))
-        is_doubted = current.features.is_coarse and is_doubtful(choice)
+        is_doubted = current.features.is_coarse and is_doubtful(choice, MAX_COARSE_SIGMA_M)
         is_new_view = not current.is_whole and self._is_keyframe(current, choice.estimates)
         if not (is_new_view or is_doubted):
             return current, choice
@@ -144,7 +145,7 @@ class VisualOdometry:
             return self._followed.track(seen, frame)
         if seen.features.is_coarse:
             choice = self._features.track_nearest(seen)
-            if not is_doubtful(choice):
+            if not is_doubtful(choice, MAX_COARSE_SIGMA_M):
                 return seen, choice
             seen = described(seen, frame, self._describer)
         return seen, self._features.track(seen)
