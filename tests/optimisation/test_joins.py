@@ -22,6 +22,7 @@ from vnav.optimisation.robust_graph import RobustGraph, robust_pose_graph
 from vnav.optimisation.second_look import SecondLook
 
 RIGHT, WRONG = 3, 6  # closures
+DRIFT_M = 0.12  # along x and z: 15 to 30 sigma of depth at 2 m
 ELSEWHERE = se3.make(se3.exp_so3([0, 0.3, 0]), [1.0, 0, 0.4])  # y is down in the first camera
 
 
@@ -66,6 +67,15 @@ def test_halves_are_joined_as_few_closures_say_that_images_bear_out(
     found = joined(halves, [*wrong, *right], look)
     assert not found.part.any()
     assert found.graph.kept.tolist() == [False] * WRONG + [True] * RIGHT
+
+
+@pytest.mark.parametrize(("off_m", "is_right"), [(0.0, True), (DRIFT_M, True), (1.0, False)])
+def test_images_bear_out_halves_that_drift_has_moved_and_none_that_are_elsewhere(
+    off_m: float, is_right: bool, odometry: Odometry, halves: Odometry, look: SecondLook
+) -> None:
+    first, second = (halves.segment == k for k in (0, 1))
+    moved = np.where(second[:, None, None], se3.make(np.eye(3), [off_m, 0, off_m]), np.eye(4))
+    assert look.is_borne_out(moved @ odometry.T_segment_camera, first, second) == is_right
 
 
 def test_halves_stay_apart_where_images_bear_no_closure_out(

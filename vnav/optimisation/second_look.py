@@ -27,7 +27,8 @@ from vnav.registration.points3d import PointRegistration
 from vnav.registration.surface_agreement import MIN_SHARED, Agreement, agreements, seeing_through
 
 MOST_PAIRS = 60  # of keyframes that are compared, where two parts are to be joined
-MOST_THROUGH = 0.3  # of them that may see through each other; of rendered rooms up to 0.12 did
+MOST_THROUGH = 0.2  # of them that may see through each other: docs/log.md
+DRIFTED_SIGMAS = 24.0  # from which a surface is seen through, 0.13 m at 2 m: drift is left
 SURE = 0.99  # the most that odometry's own edges count for: as much as what is just clear
 Views = Callable[[int], Frame]  # the images of a keyframe, by its row
 
@@ -93,7 +94,7 @@ class SecondLook:
         """How `MOST_PAIRS` of the wanted pairs (K, K) of keyframes agree by their poses."""
         pairs = self._odometry.keyframe_rows[np.argwhere(wanted)].tolist()
         chosen = evenly(pairs, MOST_PAIRS)
-        return agreements(chosen, poses, self._moving, self._config.registration)
+        return agreements(chosen, poses, self._moving, self._config.registration, DRIFTED_SIGMAS)
 
     def _log_odds_before(self, stretch: Contradiction) -> float:
         """Of odometry's motion across a stretch, by the least probable of its frames' edges."""

@@ -18,7 +18,7 @@ from vnav.registration.pixel_evidence import carried
 
 STRIDE_PX = 2  # between the pixels that are compared
 MIN_SHARED = 0.1  # share of the pixels that must fall on a surface of the other
-SEEN_THROUGH_SIGMAS = 6.0  # a point so far before the other's surface is seen through
+SEEN_THROUGH_SIGMAS = 6.0  # that a point lies before a surface that sees through it, in a map
 GREY_SIGMA = 1.0  # brightness is not compared
 USUAL = 0.9  # quantile of neighbours that says what is usual
 MEDIAN_SIGMAS = 0.17  # at most, of the median distance by noise alone: blocks are means of 16
@@ -45,15 +45,19 @@ def agreement(
     frames: tuple[ReducedFrame, ReducedFrame],
     T_i_j: Array,
     config: RegistrationConfig,
+    through_sigmas: float = SEEN_THROUGH_SIGMAS,
 ) -> Agreement | None:
-    """How two keyframes agree where ``T_i_j`` is between them; None where they share too little."""
+    """How two keyframes agree where ``T_i_j`` is between them; None where they share too little.
+
+    A point so many ``through_sigmas`` before the other's surface is seen through.
+    """
     i, j = frames
     ways = _nearer(i, j, se3.inverse(T_i_j), config), _nearer(j, i, T_i_j, config)
     nearer = np.concatenate(ways)
     shared = nearer[np.isfinite(nearer)]
     if len(shared) < MIN_SHARED * len(nearer):
         return None
-    seen_through = float((shared > SEEN_THROUGH_SIGMAS).mean())
+    seen_through = float((shared > through_sigmas).mean())
     return Agreement(*rows, float(np.median(np.abs(shared))), seen_through)
 
 
@@ -62,6 +66,7 @@ def agreements(
     T_world_camera: Array,
     seen: Callable[[int], ReducedFrame],
     config: RegistrationConfig,
+    through_sigmas: float = SEEN_THROUGH_SIGMAS,
 ) -> list[Agreement]:
     """How pairs of keyframes, by row, agree at their poses (N, 4, 4), where they share enough."""
     found = (
@@ -70,6 +75,7 @@ def agreements(
             (seen(i), seen(j)),
             se3.inverse(T_world_camera[i]) @ T_world_camera[j],
             config,
+            through_sigmas,
         )
         for i, j in pairs
     )
@@ -90,7 +96,7 @@ def seeing_through(
 ) -> list[Agreement]:
     """Those that see through what the other sees, unlike neighbours; none without neighbours.
 
-    Drift alone puts surfaces beside each other, but makes them no more transparent.
+    Drift puts surfaces beside each other: where it is left, ask from how far on they are so.
     """
     if not neighbours:
         return []
