@@ -1,4 +1,7 @@
+import dataclasses
+
 import numpy as np
+import pytest
 
 from vnav.core.camera import Camera, Intrinsics, registered_camera
 
@@ -56,3 +59,11 @@ def test_depth_of_fewer_pixels_with_the_view_of_colour_is_registered() -> None:
 def test_a_camera_without_depth_intrinsics_is_registered() -> None:
     assert Camera(CAMERA, 1000.0).is_registered
     assert not Camera(CAMERA, 1000.0, CAMERA, ((1.0,),)).is_registered
+
+
+@pytest.mark.parametrize("length", ["fx", "fy", "cx", "cy"])
+@pytest.mark.parametrize("value", [float("nan"), float("inf")])
+def test_no_camera_has_a_length_that_is_no_number(length: str, value: float) -> None:
+    camera = Intrinsics(640, 480, 500.0, 500.0, 320.0, 240.0)
+    assert camera.is_possible
+    assert not dataclasses.replace(camera, **{length: value}).is_possible

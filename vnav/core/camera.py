@@ -37,8 +37,8 @@ class Intrinsics:
     def is_possible(self) -> bool:
         """Whether a camera can have such sizes and lengths."""
         sizes = 0 < min(self.size) <= max(self.size) <= MOST_SIDE_PX
-        focals = LEAST <= min(self.fx, self.fy) <= max(self.fx, self.fy) < MOST
-        return sizes and focals and max(abs(self.cx), abs(self.cy)) < MOST
+        focals = all(LEAST <= length < MOST for length in (self.fx, self.fy))
+        return sizes and focals and all(abs(place) < MOST for place in (self.cx, self.cy))
 
     def project(self, points_camera: ArrayLike) -> Array:
         """Pixels (..., 2) of points (..., 3) in camera coordinates, distortion not applied.
