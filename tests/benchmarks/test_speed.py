@@ -97,5 +97,8 @@ def test_a_peer_reads_depth_where_colour_is(
     source = open_capture(apart, CaptureConfig())
     assert together.camera.is_registered
     step_m = 0.5 / together.camera.units_per_metre
-    np.testing.assert_allclose(together.read(5).depth_m, source.read(5).depth_m, atol=1.01 * step_m)
+    read, true = together.read(5).depth_m, source.read(5).depth_m
+    both = (read > 0) & (true > 0)
+    assert ((read > 0) != (true > 0)).mean() < 0.005  # specks that registration makes
+    np.testing.assert_allclose(read[both], true[both], atol=1.01 * step_m)
     np.testing.assert_array_equal(together.read(5).color, source.read(5).color)
