@@ -1,5 +1,7 @@
 import cv2
 import numpy as np
+import pytest
+from numpy.typing import NDArray
 
 from vnav.config import FeaturesConfig, SiftConfig
 from vnav.features.matching import match
@@ -76,3 +78,21 @@ def test_an_image_with_enough_features_is_searched_once() -> None:
     usual = Sift(FeaturesConfig(sift=SiftConfig(few_features=0))).extract(rich.astype(np.uint8))
     weak = Sift(FeaturesConfig(sift=SiftConfig(few_features=400))).extract(rich.astype(np.uint8))
     assert len(weak) == len(usual) > 400
+
+
+@pytest.mark.parametrize("before", [3, 30])
+@pytest.mark.parametrize("now", [3, 5, 30])
+def test_the_image_before_changes_no_features(before: int, now: int) -> None:
+    """After a faint image the weak search is made first; an image of 5 has 517 strong features."""
+    used = Sift(FeaturesConfig())
+    used.extract(_blobs(before))
+    found, alone = (sift.extract(_blobs(now)) for sift in (used, Sift(FeaturesConfig())))
+    np.testing.assert_array_equal(found.keypoints_px, alone.keypoints_px)
+    np.testing.assert_array_equal(found.descriptors, alone.descriptors)
+
+
+def _blobs(contrast: float) -> NDArray[np.uint8]:
+    """An image of blobs of so many grey levels."""
+    noise = cv2.GaussianBlur(np.random.default_rng(4).standard_normal((240, 320)), (0, 0), 2)
+    gray = (128 + contrast * noise / noise.std()).clip(0, 255).astype(np.uint8)
+    return np.repeat(gray[..., None], 3, 2)

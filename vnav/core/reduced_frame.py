@@ -16,9 +16,9 @@ MAX_JUMP = 0.05  # relative spread of inverse depth within a block; more is a de
 GREY_WEIGHTS = 0.299, 0.587, 0.114  # of red, green and blue
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class ReducedFrame:
-    """Brightness and depth in blocks of pixels.
+    """Brightness and depth in blocks of pixels; two are equal if they are one.
 
     ``grey`` (H, W) float32: a block's mean; ``inverse_depth`` (H, W) float32 in 1/m: a block's
     mean, 0 where it has too little depth or a depth edge; ``intrinsics`` of both. ``twist`` (6,) of

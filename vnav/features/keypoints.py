@@ -1,5 +1,7 @@
 """OpenCV's keypoints as a table, and back; and features made of them."""
 
+from itertools import chain
+from operator import attrgetter
 from typing import Any
 
 import cv2
@@ -10,13 +12,15 @@ from vnav.core.arrays import Array
 from vnav.core.descriptor_space import DescriptorSpace
 from vnav.core.frame import Features
 
+BESIDE_PLACE = attrgetter("octave", "angle", "response", "size")
 X, Y, LEVEL, ANGLE_DEG, RESPONSE, SIZE = range(6)
 
 
 def table_of(keypoints: Any) -> Array:
     """x, y, level, angle in degrees, response and size of each keypoint (N, 6)."""
-    rows = [(*k.pt, k.octave, k.angle, k.response, k.size) for k in keypoints]
-    return np.array(rows, float).reshape(-1, 6)
+    rest = chain.from_iterable(map(BESIDE_PLACE, keypoints))
+    columns = np.fromiter(rest, float, 4 * len(keypoints)).reshape(-1, 4)
+    return np.hstack([np.reshape(cv2.KeyPoint.convert(keypoints), (-1, 2)), columns])
 
 
 def keypoints_of(table: Array) -> list[Any]:

@@ -7,13 +7,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vnav.config import FeaturesConfig
+from vnav.core.arrays import Array
 from vnav.core.descriptor_space import DescriptorSpace
 from vnav.core.frame import Features
 from vnav.errors import VnavError
-from vnav.features.keypoints import features_of, strongest_first, table_of
+from vnav.features.keypoints import RESPONSE, features_of, strongest_first, table_of
 from vnav.threads import PerThread
 
 ROOT_SCALE = 512.0  # RootSIFT has unit length; this puts it on the range of plain SIFT's bytes
+OCTAVE_LAYERS = 3  # contrast is a keypoint's response times these
 SPACE = DescriptorSpace("sift", "uint8", 128, "l2", ROOT_SCALE)
 
 
@@ -25,21 +27,44 @@ class Sift:
     def __init__(self, config: FeaturesConfig) -> None:
         self._config = config
         self._detectors = PerThread(lambda: _detectors(config))
+        self._was_faint: dict[tuple[int, ...], bool] = {}  # the last image, by its size
 
     def extract(self, color: NDArray[np.uint8]) -> Features:
         """The strongest features of an RGB image (H, W, 3), strongest first."""
-        gray = cv2.cvtColor(color, cv2.COLOR_RGB2GRAY)
-        strong, weak = self._detectors()
-        keypoints, descriptors = strong.detectAndCompute(gray, None)
-        if len(keypoints) < self._config.sift.few_features:
-            keypoints, descriptors = weak.detectAndCompute(gray, None)
-        if descriptors is None:
-            return features_of(table_of([]), SPACE.none(), SPACE)
-        table = table_of(keypoints)
+        table, descriptors = self._found(cv2.cvtColor(color, cv2.COLOR_RGB2GRAY))
+        if not len(table):
+            return features_of(table, SPACE.none(), SPACE)
         order = strongest_first(table)[: self._config.max_features]
+        descriptors = descriptors[order]
         if self._config.sift.root_sift:
             descriptors = root_sift(descriptors)
-        return features_of(table[order], SPACE.nearest(descriptors[order]), SPACE)
+        return features_of(table[order], SPACE.nearest(descriptors), SPACE)
+
+    def _found(self, gray: NDArray[np.uint8]) -> tuple[Array, NDArray[np.float32]]:
+        """Keypoints and descriptors with enough contrast; where these are few, the weak, too.
+
+        A weak search finds those of the strong one as well, so either may be made first: the image
+        before tells which, for those of a video are alike.
+        """
+        (strong, weak), sift = self._detectors(), self._config.sift
+        was_faint = self._was_faint.get(gray.shape, False)
+        table, descriptors = _searched(weak if was_faint else strong, gray)
+        is_strong = OCTAVE_LAYERS * table[:, RESPONSE] >= np.float32(sift.contrast_threshold)
+        is_faint = is_strong.sum() < sift.few_features
+        self._was_faint[gray.shape] = bool(is_faint)
+        if is_faint and not was_faint:
+            return _searched(weak, gray)
+        if was_faint and not is_faint:
+            return table[is_strong], descriptors[is_strong]
+        return table, descriptors
+
+
+def _searched(detector: Any, gray: NDArray[np.uint8]) -> tuple[Array, NDArray[np.float32]]:
+    """The keypoints (N, 6) of an image, as a table, and their descriptors (N, 128)."""
+    keypoints, descriptors = detector.detectAndCompute(gray, None)
+    if descriptors is None:
+        return table_of([]), np.zeros((0, SPACE.width), np.float32)
+    return table_of(keypoints), descriptors
 
 
 def _detectors(config: FeaturesConfig) -> tuple[Any, ...]:
@@ -48,6 +73,7 @@ def _detectors(config: FeaturesConfig) -> tuple[Any, ...]:
     return tuple(
         cv2.SIFT.create(
             nfeatures=config.max_features,
+            nOctaveLayers=OCTAVE_LAYERS,
             contrastThreshold=contrast,
             edgeThreshold=sift.edge_threshold,
             enable_precise_upscale=True,  # without it keypoints sit a quarter pixel off

@@ -9,6 +9,7 @@ how evenly parts of the data prefer one: Vuong 1989, "Likelihood ratio tests for
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from math import ceil, erfc, log, sqrt
 
 import cv2
@@ -37,6 +38,7 @@ GREY_SIGMA = 3.0  # of a block's brightness: by noise, and by reflections, which
 SAME = 0.25  # of what an inlier may be off: where two motions are one
 BLUR_PX = 1.0  # of the brightness, which is interpolated
 TINY = 1e-12
+MOST_VIEWS = 8  # that are kept: a frame is held against few others, which others are, too
 CLEAR = 4.6  # log-odds of 99 to 1; what is less clear is a tie
 MAX_Z = 20.0  # sums of votes in standard deviations; more does not fit a number
 
@@ -134,8 +136,9 @@ class _View:
     surface: Array
 
     @classmethod
+    @lru_cache(MOST_VIEWS)
     def of(cls, frame: ReducedFrame) -> "_View":
-        """Made ready."""
+        """Made ready, once while it is asked again and again."""
         grey = cv2.GaussianBlur(np.asarray(frame.grey), (0, 0), BLUR_PX)
         image = np.stack([frame.inverse_depth, grey], -1)
         pixels, stride = _grid(frame.intrinsics, MAX_SAMPLES)
@@ -169,6 +172,7 @@ def _votes(
     return favour, variance
 
 
+@lru_cache(MOST_VIEWS)
 def _grid(camera: Intrinsics, count: int) -> tuple[NDArray[np.int64], int]:
     """At most so many pixels (N, 2), u and v, of an even grid, and the step between them."""
     stride = ceil(sqrt(camera.width * camera.height / count))

@@ -5,7 +5,7 @@ import os
 from collections import deque
 from collections.abc import Callable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
-from contextlib import nullcontext
+from contextlib import AbstractContextManager, nullcontext
 from pathlib import Path
 from typing import Any
 
@@ -38,6 +38,7 @@ from vnav.tracking.visual_odometry import VisualOdometry
 SECTIONS = "capture", "features", "registration", "tracking", "masking", "odometry"
 MOST_MOVING = 4  # frames that are named
 Description = Callable[[int, Frame], FrameFeatures]
+Limit = AbstractContextManager[None]  # of the threads that each description takes
 TOO_MUCH = "most of what is seen moves"
 
 
@@ -117,14 +118,17 @@ def _builder(config: Config, frames: FrameTable, given: Trajectory | None) -> Od
     return VisualOdometry(config)
 
 
-def _description(config: Config, is_given: bool) -> Description | None:
-    """What describes every frame ahead of its use; None where most are not described."""
+def _description(config: Config, is_given: bool) -> tuple[Description | None, Limit]:
+    """What describes every frame ahead of its use, None where most are not described; its limit.
+
+    Whole frames are described on one core each; else the few whole ones on all.
+    """
     describer = FrameDescriber(config)
-    if is_given:
-        return describer.describe
-    if config.tracking.method != DESCRIPTORS:
-        return None
-    return describer.describe_coarsely if config.features.half_size else describer.describe
+    if config.tracking.method != DESCRIPTORS and not is_given:
+        return None, nullcontext()
+    if config.features.half_size and not is_given:
+        return describer.describe_coarsely, nullcontext()
+    return describer.describe, one_opencv_thread
 
 
 @dataclasses.dataclass(frozen=True)
@@ -137,7 +141,7 @@ class _Seen:
 
 
 def _frames(
-    capture: Capture, describe: Description | None, pool: ThreadPoolExecutor
+    capture: Capture, description: tuple[Description | None, Limit], pool: ThreadPoolExecutor
 ) -> Iterator[tuple[int, _Seen | str]]:
     """Every frame in order, read by the pool a little ahead; or why it cannot be.
 
@@ -153,7 +157,8 @@ def _frames(
         features = describe(row, frame) if describe else undescribed(row)
         return _Seen(features, frame, reduced(frame))
 
-    with one_opencv_thread if describe else nullcontext():  # else they are described one by one
+    describe, limit = description
+    with limit:
         ahead: deque[Future[_Seen | str]] = deque()
         for row in range(len(capture)):
             while len(ahead) < 2 * (os.cpu_count() or 1) and row + len(ahead) < len(capture):
