@@ -481,6 +481,12 @@ class OptimiseConfig(Section, path="optimise"):
         "landmarks",
         "joined keyframes that share fewer are held by their pose graph edge too",
     )
+    max_keyframes: int = whole(
+        300,
+        "[1, 1000000]",
+        "keyframes",
+        "of more, bundle adjustment and index do without those all of whose landmarks others see",
+    )
     estimate_delays: bool = flag(
         True, "a delay of depth and a rolling shutter are estimated, and allowed for"
     )

@@ -29,6 +29,10 @@ class PosePrior:
     sigmas: Array
     fixed: bool
 
+    def among(self, needed: NDArray[np.intp]) -> "PosePrior":
+        """Of some of the poses."""
+        return replace(self, T_world_camera=self.T_world_camera[needed])
+
 
 @dataclass(frozen=True)
 class BundleProblem:

@@ -1,9 +1,10 @@
 """Landmarks from merged tracks, adjusted in rounds together with the keyframes: claim 3, S7."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from vnav.config import OptimiseConfig
 from vnav.core.arrays import Array, Rows
@@ -37,6 +38,14 @@ class AdjustedBundle:
     rms_px_before: float
     rms_px_after: float
     rounds: int
+
+    def of_all(self, numbers: NDArray[np.intp], count: int) -> "AdjustedBundle":
+        """As of so many keyframes, of which these were adjusted; NaN for the others."""
+        poses, covariance = np.full((count, 4, 4), np.nan), np.full((count, 6, 6), np.nan)
+        poses[numbers], covariance[numbers] = self.T_world_camera, self.covariance
+        keyframe = numbers[self.landmarks.keyframe].astype(np.int32)
+        landmarks = replace(self.landmarks, keyframe=keyframe)
+        return replace(self, T_world_camera=poses, covariance=covariance, landmarks=landmarks)
 
 
 def adjust_landmarks(

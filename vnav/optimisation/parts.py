@@ -35,10 +35,13 @@ def split_parts(
 def follow_keyframes(
     poses: Array, T_keyframes: Array, odometry: Odometry, edges: Sequence[Edge]
 ) -> Array:
-    """Poses (N, 4, 4) of all frames by their edges, where keyframes (K, 4, 4) were adjusted."""
+    """Poses (N, 4, 4) of all frames by their edges, where keyframes (K, 4, 4) were adjusted.
+
+    NaN for those that were not.
+    """
     rows = odometry.keyframe_rows
     poses = _moved_with_keyframes(poses, T_keyframes, rows)
-    return optimise_others(poses, edges, rows[np.isfinite(poses[rows, 0, 0])])
+    return optimise_others(poses, edges, rows[np.isfinite(T_keyframes[:, 0, 0])])
 
 
 def attach_degenerate_frames(

@@ -1,7 +1,7 @@
 """Final poses of all frames from their edges and landmarks: claim 3, S7."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import compress
 
 import numpy as np
@@ -16,6 +16,7 @@ from vnav.core.progress import Progress, silent
 from vnav.optimisation import pose_graph
 from vnav.optimisation.bundle_graph import PosePrior
 from vnav.optimisation.camera_motion import velocities
+from vnav.optimisation.culling import needed_keyframes
 from vnav.optimisation.displacement import displacements, without_displacement
 from vnav.optimisation.feature_tracks import FeatureTracks
 from vnav.optimisation.keyframe_edges import keyframe_edges
@@ -30,6 +31,8 @@ from vnav.optimisation.robust_graph import RobustGraph, robust_pose_graph
 from vnav.optimisation.second_look import SecondLook
 from vnav.optimisation.sensor_errors import DepthOf, MovingSensor
 from vnav.optimisation.sensor_model import SensorModel
+
+LEFT_OUT = -1  # in the place of a keyframe's number
 
 
 @dataclass(frozen=True)
@@ -118,14 +121,35 @@ class _Adjustment:
     def of_keyframes(
         self, poses: Array, closures: Sequence[Edge], prior: PosePrior | None = None
     ) -> AdjustedBundle:
-        """By the matches of closures that were kept, from poses (N, 4, 4) of all frames."""
-        rows = self.odometry.keyframe_rows
-        number = {row: k for k, row in enumerate(rows.tolist())}
+        """By the matches of closures that were kept, from poses (N, 4, 4) of all frames.
+
+        Of very many keyframes, those that it can do without are left out.
+        """
+        number = {row: k for k, row in enumerate(self.odometry.keyframe_rows.tolist())}
         closed = {(number[e.i], number[e.j]) for e in closures}
         of_closed = [(i, j) in closed for i, j in self.matches[:, [0, 2]].tolist()]
         matches = self.matches[np.array(of_closed, bool)]
-        tracks = FeatureTracks(self.odometry.keyframes, matches, self._sensor(poses))
+        keyframes, most = self.odometry.keyframes, self.config.optimise.max_keyframes
+        needed = needed_keyframes(keyframes, matches, most)
+        adjusted = self._among(needed, matches)._adjusted(poses, prior and prior.among(needed))
+        return adjusted.of_all(needed, len(keyframes))
+
+    def _among(self, needed: NDArray[np.intp], matches: NDArray[np.int32]) -> "_Adjustment":
+        """With some keyframes only, and the matches between these."""
+        keyframes = tuple(self.odometry.keyframes[k] for k in needed)
+        number = np.full(len(self.odometry.keyframes), LEFT_OUT)
+        number[needed] = np.arange(len(needed))
+        between = matches.copy()
+        between[:, [0, 2]] = number[matches[:, [0, 2]]]
+        between = between[(between != LEFT_OUT).all(1)]
+        return replace(self, odometry=replace(self.odometry, keyframes=keyframes), matches=between)
+
+    def _adjusted(self, poses: Array, prior: PosePrior | None) -> AdjustedBundle:
+        """All keyframes, by all matches."""
+        rows = self.odometry.keyframe_rows
+        tracks = FeatureTracks(self.odometry.keyframes, self.matches, self._sensor(poses))
         model = SensorModel(self._intrinsics, self.config.registration)
+        closed = {(i, j) for i, j in self.matches[:, [0, 2]].tolist()}
         edges = keyframe_edges(poses, self.odometry, closed)
         return adjust_landmarks(poses[rows], tracks, edges, model, self.config.optimise, prior)
 

@@ -15,12 +15,15 @@ from vnav.optimisation.solution import Solution
 
 def solution_report(solution: Solution, result: OptimisedMap, odometry: Odometry) -> Report:
     """Counts, errors before and after, and what is doubtful."""
-    values = _values(solution, result)
+    values = _values(solution, result) | {"keyframes_culled": _culled(solution, odometry)}
     lines = [
         f"{values['posed']} of {values['frames']} frames have a pose;"
         f" {values['closures_kept']} closures kept, {values['closures_rejected']} rejected",
         _landmarks_line(solution.adjusted),
     ]
+    if culled := values["keyframes_culled"]:
+        of = len(odometry.keyframes)
+        lines.append(f"{culled} of {of} keyframes are left out of it: others see what they see")
     lines += _mended_lines(solution, odometry, LEFT_OUT, REGISTERED_AGAIN)
     lines += sensor_lines(solution.adjusted.sensor)
     if solution.prior:
@@ -50,6 +53,12 @@ def _values(solution: Solution, result: OptimisedMap) -> dict[str, Any]:
         "world": result.world.source,
         "floor_points": result.world.floor_points,
     }
+
+
+def _culled(solution: Solution, odometry: Odometry) -> int:
+    """How many keyframes with a pose bundle adjustment did without."""
+    posed = np.isfinite(solution.poses[odometry.keyframe_rows, 0, 0])
+    return int((posed & np.isnan(solution.adjusted.T_world_camera[:, 0, 0])).sum())
 
 
 def _mended_lines(solution: Solution, odometry: Odometry, *how: str) -> list[str]:
