@@ -328,12 +328,18 @@ def test_the_picture_shows_path_ends_and_legend(rooms: Path) -> None:
     labels = [text.get_text() for text in figure.legends[0].get_texts()]
     assert isinstance(answer.plan, Plan)
     wanted = ["occupied", "unknown", "too near an obstacle"]
-    assert labels == [*wanted, f"path, {answer.plan.length_m:.2f} m", "start", "goal"]
+    ends = "start", "goal", "as asked, then moved"
+    assert labels == [*wanted, f"path, {answer.plan.length_m:.2f} m", *ends]
     drawn = [line.get_xydata() for line in figure.axes[0].lines]
     assert any(np.array_equal(line, answer.plan.poses[:, :2]) for line in drawn)
     for end in (answer.plan.start, answer.plan.goal):
         assert any(np.array_equal(line, [end.asked]) for line in drawn)
         assert any(np.allclose(line, [end.snapped]) for line in drawn)
+
+
+def test_the_legend_has_no_moved_place_where_none_was_moved(rooms: Path) -> None:
+    figure = plan_figure(_ask(rooms, "0,0", "6,0"))
+    assert "as asked, then moved" not in {t.get_text() for t in figure.legends[0].get_texts()}
 
 
 def test_a_file_that_cannot_be_written_is_an_error(rooms: Path, tmp_path: Path) -> None:

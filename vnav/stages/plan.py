@@ -218,8 +218,8 @@ def _current(folder: MapFolder) -> Array:
     pose = (folder.current() or {}).get("T_world_camera")
     if not is_kind(pose, PoseNote):
         raise MapError(
-            f"expected a photo located in {folder.root} as it is now, found none; run"
-            f" 'vnav locate PHOTO --map {folder.root}' first, or say where from with"
+            f"expected a photo located alone in {folder.root} as it is now, found none; run"
+            f" 'vnav locate PHOTO --map {folder.root}' with one photo, or say where from with"
             " --from PHOTO or --from X,Y"
         )
     return np.array(pose, float)
