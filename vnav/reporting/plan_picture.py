@@ -59,8 +59,9 @@ def plan_figure(answer: PlanAnswer) -> Figure:
         for over in found.via:
             axes.plot(*over.snapped, VIA[2], color=VIA[1], ms=VIA[3], zorder=5)
         if any(end.moved_m for end in (found.start, found.goal, *found.via)):
-            asked = {"ls": "", "marker": GOAL[2], "mfc": "none", "label": "as asked, then moved"}
-            entries.append(Line2D([], [], color=OUTLINE, **asked))
+            moved = Line2D([], [], color=OUTLINE, ls="", marker=GOAL[2], mfc="none")
+            moved.set_label("as asked, then moved")
+            entries.append(moved)
     legend(figure, entries)
     return figure
 
