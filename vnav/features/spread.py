@@ -30,12 +30,15 @@ def spread(
     return kept[np.lexsort((px[kept, 0], px[kept, 1], -responses[kept]))][:count]
 
 
+@compiled
 def _codes(px: Array, edge_px: float) -> NDArray[np.int64]:
     """The path (N,) to each pixel from the root of a tree over a square: two bits a level."""
-    cells = (px * (2**DEPTH / edge_px)).astype(np.int64).clip(0, 2**DEPTH - 1)
-    codes = np.zeros(len(px), np.int64)
-    for bit in range(DEPTH):
-        codes |= (cells[:, 0] >> bit & 1) << 2 * bit | (cells[:, 1] >> bit & 1) << 2 * bit + 1
+    codes, most = np.zeros(len(px), np.int64), 2**DEPTH - 1
+    for n in range(len(px)):
+        column = min(max(int(px[n, 0] * (2**DEPTH / edge_px)), 0), most)
+        row = min(max(int(px[n, 1] * (2**DEPTH / edge_px)), 0), most)
+        for bit in range(DEPTH):
+            codes[n] |= (column >> bit & 1) << 2 * bit | (row >> bit & 1) << 2 * bit + 1
     return codes
 
 
