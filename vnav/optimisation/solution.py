@@ -32,8 +32,6 @@ from vnav.optimisation.second_look import SecondLook
 from vnav.optimisation.sensor_errors import DepthOf, MovingSensor
 from vnav.optimisation.sensor_model import SensorModel
 
-LEFT_OUT = -1  # in the place of a keyframe's number
-
 
 @dataclass(frozen=True)
 class Solution:
@@ -137,11 +135,8 @@ class _Adjustment:
     def _among(self, needed: NDArray[np.intp], matches: NDArray[np.int32]) -> "_Adjustment":
         """With some keyframes only, and the matches between these."""
         keyframes = tuple(self.odometry.keyframes[k] for k in needed)
-        number = np.full(len(self.odometry.keyframes), LEFT_OUT)
-        number[needed] = np.arange(len(needed))
-        between = matches.copy()
-        between[:, [0, 2]] = number[matches[:, [0, 2]]]
-        between = between[(between != LEFT_OUT).all(1)]
+        between = matches[np.isin(matches[:, [0, 2]], needed).all(1)]
+        between[:, [0, 2]] = np.searchsorted(needed, between[:, [0, 2]])
         return replace(self, odometry=replace(self.odometry, keyframes=keyframes), matches=between)
 
     def _adjusted(self, poses: Array, prior: PosePrior | None) -> AdjustedBundle:
