@@ -133,8 +133,7 @@ def _disagreement(apart: Sequence[Agreement], of: Sequence[Agreement], odometry:
     where = _within([(a.i, a.j) for a in apart], odometry)
     return (
         f"{len(apart)} of {len(of)} pairs of keyframes that see one place again disagree on it,"
-        f" within {where}; look at them with 'vnav report', and record the place anew, slower and"
-        " with a loop"
+        f" within {where}; record the place anew, slower and with a loop"
     )
 
 

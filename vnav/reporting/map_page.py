@@ -89,7 +89,7 @@ def _tiles(values: dict[str, Any]) -> str:
         tiles["frames tracked"] = f"{values['tracked']} of {values['frames']}"
         tiles["keyframes"] = values["keyframes"]
     if "loops" in values:
-        tiles["loops accepted"] = f"{values['loops']['accepted']} of {values['loops']['tried']}"
+        tiles["loops kept"] = f"{values['loops']['accepted']} of {values['loops']['tried']}"
     if "landmarks" in values:
         tiles["landmarks"] = values["landmarks"]
         tiles["camera's path"] = f"{values['path_m']:.1f} m"
