@@ -35,6 +35,7 @@ from vnav.synthetic.sensor import measured_depth
 
 CAMERA = MINIATURE.camera
 SENSOR = Sensor()
+WINGS = "building_10_wing_0", "building_10_wing_1", "building_10_wing_9"
 
 
 @pytest.fixture(scope="module")
@@ -303,7 +304,7 @@ def test_shelves_of_the_shop_are_the_same() -> None:
     assert one.std() > 20
 
 
-@pytest.mark.parametrize("name", ["twin_rooms", "shop", "building_2", "building_12"])
+@pytest.mark.parametrize("name", ["twin_rooms", "shop", "building_2", "building_12", *WINGS])
 def test_the_tours_of_larger_scenes_are_free(name: str) -> None:
     scene = SCENES[name](0)
     spec = CaptureSpec(name, 60, 0, CAMERA, CAMERA)
@@ -316,6 +317,17 @@ def test_a_building_has_as_many_rooms_as_asked() -> None:
     """Ten times the rooms have ten times the faces, but for the ends of the corridor."""
     few, many = (len(building(rooms)(0).faces) for rooms in (1, 10))
     assert 9.5 * few < many <= 10 * few
+
+
+def test_recordings_of_neighbouring_wings_look_the_same_way_at_a_door() -> None:
+    """Some of their views are within half a metre and 25 degrees."""
+    one, other = (
+        camera_poses(SCENES[name](0), CaptureSpec(name, 60, 0, CAMERA, CAMERA))
+        for name in WINGS[:2]
+    )
+    apart_m = np.linalg.norm(one[:, None, :3, 3] - other[:, :3, 3], axis=-1)
+    alike = np.einsum("ia,ja->ij", one[:, :3, 2], other[:, :3, 2])  # cosine between the views
+    assert ((apart_m < 0.5) & (alike > np.cos(np.deg2rad(25)))).any()
 
 
 def test_what_stays_in_a_room_looks_the_same_before_and_after() -> None:

@@ -18,24 +18,25 @@ def view_overlap(
     T_world_camera: Array,
     part: NDArray[np.int32],
     cameras: Sequence[Intrinsics],
-) -> Array:
+) -> NDArray[np.float32]:
     """Share (K, K) of two keyframes' points that lie in each other's image, the lesser of both.
 
     Zero on the diagonal and between frames of different parts (N,) of the pose graph.
     """
     rows, captures = odometry.keyframe_rows, odometry.frames.capture
-    T_camera_world = se3.inverse(T_world_camera[rows])
-    share = np.zeros((len(rows), len(rows)))
+    T = T_world_camera[rows]
+    of_keyframes = [cameras[c] for c in captures[rows]]
+    P = np.stack([c.K for c in of_keyframes]) @ se3.inverse(T)[:, :3]
+    width, height = np.array([c.size for c in of_keyframes], float).T[..., None]
+    share = np.zeros((len(rows), len(rows)), np.float32)
     for i, keyframe in enumerate(odometry.keyframes):
-        points = _sampled_points(keyframe)
-        in_camera = se3.transform(T_camera_world @ T_world_camera[rows[i]], points)
-        for c, camera in enumerate(cameras):
-            of_camera = captures[rows] == c
-            px = camera.project(in_camera[of_camera])
-            inside = ((px >= 0) & (px < camera.size)).all(-1)
-            share[i, of_camera] = inside.mean(1) if len(points) else 0.0
-    same_part = part[rows][:, None] == part[rows]
-    overlap = np.where(same_part, np.minimum(share, share.T), 0.0)
+        points = se3.transform(T[i], _sampled_points(keyframe))
+        known = np.concatenate([points.T, np.ones((1, len(points)))])
+        u, v, z = (P.reshape(-1, 4) @ known).reshape(len(rows), 3, -1).swapaxes(0, 1)
+        inside = (z > 0) & (u >= 0) & (u < width * z) & (v >= 0) & (v < height * z)
+        share[i] = inside.mean(1) if len(points) else 0.0
+    overlap = np.minimum(share, share.T)
+    overlap[part[rows][:, None] != part[rows]] = 0.0
     np.fill_diagonal(overlap, 0.0)
     return overlap
 

@@ -6,7 +6,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vnav.config import LoopsConfig
-from vnav.core.arrays import Array
 from vnav.core.mapping import Odometry
 from vnav.core.tree import VocabularyTree
 from vnav.features.appearance import tfidf_similarity
@@ -47,7 +46,7 @@ def by_appearance(
 
 
 def by_proximity(
-    overlap: Array, config: LoopsConfig, tried: set[tuple[int, int]]
+    overlap: NDArray[np.float32], config: LoopsConfig, tried: set[tuple[int, int]]
 ) -> list[LoopCandidate]:
     """Pairs of keyframes that should see the same by their poses and were not tried yet.
 

@@ -20,7 +20,7 @@ from vnav.synthetic.furniture import (
     table,
     wall,
 )
-from vnav.synthetic.many_rooms import building
+from vnav.synthetic.many_rooms import building, wing
 from vnav.synthetic.rearranged import room_after, room_before
 from vnav.synthetic.repeating import shop, twin_rooms
 from vnav.synthetic.scene import Scene, closed_tour, placed, unlike
@@ -102,6 +102,7 @@ SCENES: dict[str, Callable[[int], Scene]] = {
     "two_storeys": two_storeys,
     "building_2": building(2),
     "building_12": building(12),
+    **{f"building_10_wing_{room}": wing(10, room) for room in range(10)},
 }
 
 

@@ -3,7 +3,7 @@
 import dataclasses
 import re
 import shutil
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -85,7 +85,7 @@ def save_odometry(draft: Path, odometry: Odometry) -> None:
     save_arrays(draft / "edges.npz", **edges_to_arrays(odometry.edges))
     save_arrays(draft / "degenerate_edges.npz", **edges_to_arrays(odometry.degenerate_edges))
     save_arrays(draft / "alternatives.npz", **edges_to_arrays(odometry.alternatives))
-    save_arrays(draft / "keyframes.npz", **_keyframes_to_arrays(odometry.keyframes))
+    _save_keyframes(draft / "keyframes.npz", odometry.keyframes)
 
 
 def _save_filtered(draft: Path, odometry: Odometry) -> None:
@@ -332,18 +332,17 @@ def edges_from_arrays(arrays: Arrays) -> tuple[Edge, ...]:
     return tuple(Edge(int(i), int(j), T, L, float(p)) for i, j, T, L, p in rows)
 
 
-def _keyframes_to_arrays(keyframes: Iterable[FrameFeatures]) -> Arrays:
-    keyframes = list(keyframes)
+def _save_keyframes(path: Path, keyframes: Sequence[FrameFeatures]) -> None:
     fields = ("keypoints_px", "descriptors", "scores", "scales_px", "angles_rad")
-    arrays = {
-        name: np.concatenate([getattr(k.features, name) for k in keyframes]) for name in fields
-    }
-    arrays["descriptors"] = arrays["descriptors"].view(np.uint8)
-    return arrays | {
-        "row": np.array([k.row for k in keyframes], np.int32),
-        "count": np.array([len(k.features) for k in keyframes], np.int32),
-        "points_camera": np.concatenate([k.points_camera for k in keyframes]),
-    }
+    columns = {name: [getattr(k.features, name) for k in keyframes] for name in fields}
+    columns["descriptors"] = [part.view(np.uint8) for part in columns["descriptors"]]
+    save_arrays(
+        path,
+        **columns,
+        row=np.array([k.row for k in keyframes], np.int32),
+        count=np.array([len(k.features) for k in keyframes], np.int32),
+        points_camera=[k.points_camera for k in keyframes],
+    )
 
 
 def _load_keyframes(folder: MapFolder, frames: int) -> tuple[FrameFeatures, ...]:
