@@ -70,11 +70,17 @@ def _beside_the_other(box: np.ndarray) -> np.ndarray:
 
 def all_masks(seen: Walk, config: Config) -> tuple[list[SeenFrame], FrameMasks]:
     """Every frame as it is looked at, and the masks that all have in the end."""
-    masks, looked = FrameMasks(config), []
-    camera = CAMERA.scaled(4 * CAMERA.width, 4 * CAMERA.height)
-    for row, (frame, pose) in enumerate(zip(seen.frames, seen.poses, strict=True)):
-        nothing = FrameFeatures(row, NO_FEATURES, np.zeros((0, 3)))
-        looked.append(masks.look(TrackedFrame(nothing, frame, camera), pose))
-        masks.add(looked[-1], pose, is_keyframe=True)
+    masks = FrameMasks(config)
+    looked = [look_on(masks, seen, row) for row in range(len(seen.frames))]
     masks.restart()
     return looked, masks
+
+
+def look_on(masks: FrameMasks, seen: Walk, row: int) -> SeenFrame:
+    """The next frame as it is looked at."""
+    camera = CAMERA.scaled(4 * CAMERA.width, 4 * CAMERA.height)
+    nothing = FrameFeatures(row, NO_FEATURES, np.zeros((0, 3)))
+    frame = TrackedFrame(nothing, seen.frames[row], camera)
+    looked = masks.look(frame, seen.poses[row])
+    masks.add(looked, seen.poses[row], is_keyframe=True)
+    return looked

@@ -1,11 +1,12 @@
 """Masks of frames in the order of time: by which masks of other frames one is made."""
 
+import weakref
 from collections.abc import Sequence
 
 import numpy as np
 import pytest
 
-from tests.masking.moving_box import all_masks, walk
+from tests.masking.moving_box import STEP_S, all_masks, look_on, walk
 from vnav.config import Config, load
 from vnav.core.arrays import Floats
 from vnav.masking.nothing import NoMask
@@ -50,3 +51,15 @@ def test_a_second_look_believes_the_second_looks_before_it(monkeypatch: pytest.M
     second_looks = [calls[1] for calls in not_the_last if calls[1:] and calls[1]]
     assert len(second_looks) > 10
     assert all(np.isfinite(w.moved_s).any() for views in second_looks for w in views)
+
+
+def test_of_a_still_scene_no_view_is_held_that_no_mask_needs() -> None:
+    config, still_scene = load(settings=["masking.window_s=0.5"]), walk(6.0, None)
+    masks, frames, held = frame_masks.FrameMasks(config), len(still_scene.frames), []
+    alive = weakref.WeakSet(still_scene.frames)
+    for row in range(frames):
+        look_on(masks, still_scene, row)
+        masks.taken_final()
+        still_scene.frames[row] = None
+        held.append(len(alive) - (frames - row - 1))
+    assert max(held) <= 2 * 0.5 / STEP_S  # those of the window before a view, and after it

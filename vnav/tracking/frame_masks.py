@@ -173,7 +173,9 @@ class FrameMasks:
             self._carry_back()
             while self._known and self._known[0][1].stamp_s < final_s:
                 self._decide(*self._known.popleft())
-            self._views.forget(final_s - self._config.window_s)
+        undecided = [*(known for _, known in self._known), *self._new]
+        oldest_s = min((seen.stamp_s for seen in undecided), default=np.inf)
+        self._views.forget(oldest_s - self._config.window_s)
 
     def _carry_back(self) -> None:
         """Let each frame know what moves in those after it, as far as it sees that there."""
