@@ -86,6 +86,8 @@ bench-real: setup
 	$(BIN)/python benchmarks/patent.py --record
 	-$(BIN)/python benchmarks/ekf_windows.py ../shared/captures/house $(DESK) --people bench/people/captures/*people[123]* --record
 	$(BIN)/python benchmarks/trackers.py --record
+	-$(BIN)/python benchmarks/long_recording.py bench/long ../shared/captures/house --record
+	-$(BIN)/python benchmarks/wings.py bench/building --cluster --record
 	$(BIN)/python benchmarks/hard_versions.py $(CAPTURES) --out bench
 	-$(BIN)/vnav evaluate bench/hard.toml --out bench/hard
 	-$(BIN)/vnav evaluate bench/seeds.toml --seeds 5 --out bench/seeds
