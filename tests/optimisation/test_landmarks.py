@@ -12,7 +12,7 @@ from vnav.core.frame import Edge, Features
 from vnav.core.mapping import FrameFeatures
 from vnav.features.sift import SPACE
 from vnav.optimisation.bundle_graph import PosePrior
-from vnav.optimisation.feature_tracks import FeatureTracks
+from vnav.optimisation.feature_tracks import FeatureTracks, merged
 from vnav.optimisation.landmarks import AdjustedBundle, adjust_landmarks
 from vnav.optimisation.sensor_model import SensorModel
 
@@ -39,9 +39,13 @@ class Scene:
         prior: PosePrior | None = None,
         config: OptimiseConfig = CONFIG,
     ) -> AdjustedBundle:
-        tracks = FeatureTracks(self.keyframes, self.matches if matches is None else matches)
+        tracks = tracked(self.keyframes, self.matches if matches is None else matches)
         model = SensorModel([CAMERA] * len(self.keyframes), NOISE)
         return adjust_landmarks(start, tracks, joined(start), model, config, prior)
+
+
+def tracked(keyframes: list[FrameFeatures], matches: np.ndarray) -> FeatureTracks:
+    return FeatureTracks(keyframes, merged(keyframes, matches))
 
 
 def joined(T: np.ndarray) -> list[Edge]:
@@ -255,7 +259,7 @@ def test_a_keyframe_that_shares_nothing_is_held_by_its_given_motion() -> None:
 def test_one_keyframe_alone_has_landmarks_from_its_depth() -> None:
     made = scene(11)
     only = Scene(made.T[:1], made.points, made.keyframes[:1], np.zeros((0, 4), np.int32))
-    tracks = FeatureTracks(only.keyframes, only.matches)
+    tracks = tracked(only.keyframes, only.matches)
     result = adjust_landmarks(only.T, tracks, [], SensorModel([CAMERA], NOISE), CONFIG)
     np.testing.assert_array_equal(result.T_world_camera, only.T)
     assert len(result.landmarks) == SHARED + ALONE
@@ -274,7 +278,7 @@ def test_the_same_keyframes_give_the_same_landmarks() -> None:
 @pytest.mark.parametrize("rounds", [1, 3])
 def test_rounds_are_set_by_the_configuration(rounds: int) -> None:
     made = scene(13)
-    tracks = FeatureTracks(made.keyframes, made.matches)
+    tracks = tracked(made.keyframes, made.matches)
     model = SensorModel([CAMERA] * KEYFRAMES, NOISE)
     config = OptimiseConfig(bundle_rounds=rounds)
     start = disturbed(made.T)
@@ -294,7 +298,7 @@ def test_depth_that_is_too_short_far_away_is_allowed_for() -> None:
 def test_one_round_allows_for_nothing() -> None:
     made = scene(14, noise=0.02, offset=3e-4)
     tracks, model = (
-        FeatureTracks(made.keyframes, made.matches),
+        tracked(made.keyframes, made.matches),
         SensorModel([CAMERA] * KEYFRAMES, NOISE),
     )
     start = disturbed(made.T)

@@ -12,7 +12,7 @@ from vnav.core.mapping import FrameFeatures
 from vnav.features.lifting import lift
 from vnav.features.sift import SPACE
 from vnav.optimisation.displacement import displacements, without_displacement
-from vnav.optimisation.feature_tracks import FeatureTracks
+from vnav.optimisation.feature_tracks import FeatureTracks, merged
 from vnav.optimisation.observation_selection import ObservationSelection
 from vnav.optimisation.self_calibration import (
     LARGEST,
@@ -89,7 +89,13 @@ def moving_scene(errors: SensorErrors, seed: int = 0, moves: float = 1.0) -> Mov
     seen_by = np.array([k.has_depth for k in keyframes])
     both = both[seen_by[both[:, 0], both[:, 1]] & seen_by[both[:, 2], both[:, 3]]]
     sensor = MovingSensor(keyframes, [CAMERA] * KEYFRAMES, twists, depths.__getitem__, CONFIG)
-    return MovingScene(T, twists, np.array(still), FeatureTracks(keyframes, both, sensor), sensor)
+    return MovingScene(
+        T,
+        twists,
+        np.array(still),
+        FeatureTracks(keyframes, merged(keyframes, both), sensor),
+        sensor,
+    )
 
 
 def rolling_px(points: np.ndarray, T: np.ndarray, twist: np.ndarray, line_s: float) -> np.ndarray:

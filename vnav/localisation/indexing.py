@@ -22,6 +22,8 @@ from vnav.localisation.database import SAME_POINT_M
 
 SAMPLE = 500  # descriptors that the map's own statistics are taken from
 QUARTILE = 0.75
+AT_ONCE = 20_000  # descriptors that are made a mean of
+SAMPLE_AT_ONCE = 25  # descriptors that are held against all others
 
 
 @dataclass(frozen=True)
@@ -101,8 +103,10 @@ def _observed(
     """Descriptors (M, W) and patches (M, 3) in the world of every observation."""
     descriptors = np.zeros((len(landmarks.landmark), space.width), space.dtype)
     patches = np.zeros((len(landmarks.landmark), 3))
+    by_keyframe = np.argsort(landmarks.keyframe, kind="stable")
+    starts = _starts(landmarks.keyframe, len(keyframes))
     for k, mapped in enumerate(keyframes):
-        rows = np.flatnonzero(landmarks.keyframe == k)
+        rows = by_keyframe[starts[k] : starts[k + 1]]
         features = mapped.keyframe.features[landmarks.feature[rows].astype(np.intp)]
         R, centre = mapped.T_world_camera[:3, :3], mapped.T_world_camera[:3, 3]
         depth = (landmarks.points_world[landmarks.landmark[rows]] - centre) @ R[:, 2]
@@ -129,9 +133,25 @@ def _means(
     new = np.append(True, (np.diff(landmark) != 0) | (np.diff(word) != 0))
     first = np.flatnonzero(new)
     count = np.diff(np.append(first, len(order)))[:, None]
-    mean = np.add.reduceat(tree.space.vectors(descriptors[order]), first) / count
     patch = np.add.reduceat(patches[order], first) / count
-    return tree.space.nearest(mean), landmark[first], patch.astype(np.float32)
+    means = _mean_of_runs(descriptors, order, first, tree.space)
+    return means, landmark[first], patch.astype(np.float32)
+
+
+def _mean_of_runs(
+    descriptors: NDArray[Any],
+    order: NDArray[np.intp],
+    first: NDArray[np.intp],
+    space: DescriptorSpace,
+) -> NDArray[Any]:
+    """The mean descriptor of each run of the order, by where it begins; few are floats at once."""
+    ends, means = np.append(first[1:], len(order)), []
+    for runs in np.array_split(np.arange(len(first)), 1 + len(first) // AT_ONCE):
+        begin, end = first[runs[0]], ends[runs[-1]]
+        vectors = space.vectors(descriptors[order[begin:end]])
+        count = (ends - first)[runs, None]
+        means.append(space.nearest(np.add.reduceat(vectors, first[runs] - begin) / count))
+    return np.concatenate(means)
 
 
 def _starts(group: NDArray[np.int32], groups: int) -> NDArray[np.int32]:
@@ -198,16 +218,16 @@ def _distractor_distance(
     sample = np.sort(rng.choice(len(descriptors), count, replace=False)) if count else np.arange(0)
     values = space.vectors(descriptors)
     half_norm = np.einsum("ij,ij->i", values, values) / 2
-    near_reference = covisible[reference]
 
     def nearest(part: NDArray[np.intp]) -> Floats:
         half = half_norm[part, None] + half_norm - values[part] @ values.T
         near = [np.abs(points[part, None, k] - points[:, k]) < SAME_POINT_M for k in range(3)]
         half[np.logical_and.reduce(near)] = np.inf
-        half[~near_reference.take(reference[part], 1).T] = np.inf
+        half[~covisible[reference[part]].take(reference, 1)] = np.inf
         return space.distance(2 * half.min(1, initial=np.inf))
 
+    parts = 1 + count // SAMPLE_AT_ONCE
     with ThreadPoolExecutor(os.cpu_count()) as pool:
-        found = np.concatenate(list(pool.map(nearest, np.array_split(sample, 1 + count // 100))))
+        found = np.concatenate(list(pool.map(nearest, np.array_split(sample, parts))))
     found = found[np.isfinite(found)]
     return np.asarray(np.quantile(found if len(found) else [0.0], QUARTILE, keepdims=True))

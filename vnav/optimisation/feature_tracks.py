@@ -8,20 +8,34 @@ from numpy.typing import NDArray
 
 from vnav.core.arrays import Array, Rows
 from vnav.core.mapping import FrameFeatures
-from vnav.core.tracks import merge
 from vnav.optimisation.sensor_errors import MovingSensor, Readings, SensorErrors
 from vnav.optimisation.sensor_model import Observations
+from vnav.optimisation.track_merging import merge
 
 LONG_TRACK = 4  # sightings of a landmark that tells of the sensor
 
 
+def merged(
+    keyframes: Sequence[FrameFeatures], matches: NDArray[np.int32]
+) -> list[NDArray[np.int32]]:
+    """For each keyframe the number of each feature's track, by matches (M, 4) of them.
+
+    A match names keyframe and feature, keyframe and feature.
+    """
+    counts = np.array([len(k.features) for k in keyframes], np.int32)
+    return np.split(merge(matches, counts), np.cumsum(counts)[:-1])
+
+
 class FeatureTracks:
-    """Every feature of every keyframe as an observation of its track's 3D point."""
+    """Every feature of every keyframe as an observation of its track's 3D point.
+
+    ``of_keyframes``: for each keyframe the number of each feature's track; see `merged`.
+    """
 
     def __init__(
         self,
         keyframes: Sequence[FrameFeatures],
-        matches: NDArray[np.int32],
+        of_keyframes: Sequence[NDArray[np.int32]],
         sensor: MovingSensor | None = None,
     ) -> None:
         counts = np.array([len(k.features) for k in keyframes], np.int32)
@@ -29,8 +43,8 @@ class FeatureTracks:
         px = np.concatenate([k.features.keypoints_px for k in keyframes]).astype(float)
         self.points_camera = np.concatenate([k.points_camera for k in keyframes]).astype(float)
         self.feature = np.concatenate([np.arange(n, dtype=np.int32) for n in counts])
-        track = merge(matches, counts)
-        self.seen = Observations(track, camera, px, 1 / self.points_camera[:, 2])
+        _, track = np.unique(np.concatenate(of_keyframes), return_inverse=True)
+        self.seen = Observations(track.astype(np.int32), camera, px, 1 / self.points_camera[:, 2])
         self.count = int(track.max(initial=-1)) + 1
         self.sensor = sensor
 

@@ -18,7 +18,7 @@ from vnav.optimisation.bundle_graph import PosePrior
 from vnav.optimisation.camera_motion import velocities
 from vnav.optimisation.culling import needed_keyframes
 from vnav.optimisation.displacement import displacements, without_displacement
-from vnav.optimisation.feature_tracks import FeatureTracks
+from vnav.optimisation.feature_tracks import FeatureTracks, merged
 from vnav.optimisation.keyframe_edges import keyframe_edges
 from vnav.optimisation.landmarks import AdjustedBundle, adjust_landmarks
 from vnav.optimisation.parts import (
@@ -124,12 +124,16 @@ class _Adjustment:
         Of very many keyframes, those that it can do without are left out.
         """
         number = {row: k for k, row in enumerate(self.odometry.keyframe_rows.tolist())}
-        closed = {(number[e.i], number[e.j]) for e in closures}
-        of_closed = [(i, j) in closed for i, j in self.matches[:, [0, 2]].tolist()]
-        matches = self.matches[np.array(of_closed, bool)]
         keyframes, most = self.odometry.keyframes, self.config.optimise.max_keyframes
-        needed = needed_keyframes(keyframes, matches, most)
-        adjusted = self._among(needed, matches)._adjusted(poses, prior and prior.among(needed))
+        closed = np.zeros((len(keyframes), len(keyframes)), bool)
+        for e in closures:
+            closed[number[e.i], number[e.j]] = True
+        matches = self.matches[closed[self.matches[:, 0], self.matches[:, 2]]]
+        tracks = merged(keyframes, matches)
+        needed = needed_keyframes(tracks, most)
+        among = self._among(needed, matches)
+        among_tracks = [tracks[k] for k in needed]
+        adjusted = among._adjusted(poses, among_tracks, prior and prior.among(needed))
         return adjusted.of_all(needed, len(keyframes))
 
     def _among(self, needed: NDArray[np.intp], matches: NDArray[np.int32]) -> "_Adjustment":
@@ -139,12 +143,14 @@ class _Adjustment:
         between[:, [0, 2]] = np.searchsorted(needed, between[:, [0, 2]])
         return replace(self, odometry=replace(self.odometry, keyframes=keyframes), matches=between)
 
-    def _adjusted(self, poses: Array, prior: PosePrior | None) -> AdjustedBundle:
-        """All keyframes, by all matches."""
+    def _adjusted(
+        self, poses: Array, of_keyframes: Sequence[NDArray[np.int32]], prior: PosePrior | None
+    ) -> AdjustedBundle:
+        """All keyframes, by the tracks of their features."""
         rows = self.odometry.keyframe_rows
-        tracks = FeatureTracks(self.odometry.keyframes, self.matches, self._sensor(poses))
+        tracks = FeatureTracks(self.odometry.keyframes, of_keyframes, self._sensor(poses))
         model = SensorModel(self._intrinsics, self.config.registration)
-        closed = {(i, j) for i, j in self.matches[:, [0, 2]].tolist()}
+        closed = set(map(tuple, np.unique(self.matches[:, [0, 2]], axis=0).tolist()))
         edges = keyframe_edges(poses, self.odometry, closed)
         return adjust_landmarks(poses[rows], tracks, edges, model, self.config.optimise, prior)
 

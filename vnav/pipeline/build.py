@@ -22,6 +22,7 @@ from vnav.io.store.stage_reports import (
     peak_memory_mb,
     reused,
 )
+from vnav.memory import return_freed
 from vnav.pipeline.connection import joins, with_joins
 from vnav.pipeline.joining import TrackAll, forget_parts, track_together
 from vnav.pipeline.quality import assess
@@ -120,9 +121,15 @@ def _finished(
 def run_stages(
     folder: MapFolder, stages: Sequence[str], config: Config, progress: Progress = silent
 ) -> list[Report]:
-    """Run those of some stages after odometry that are not up to date; their reports in order."""
-    modules = [import_module(f"vnav.stages.{stage}") for stage in stages]
-    return [module.run(folder, config, progress=progress) for module in modules]
+    """Run those of some stages after odometry that are not up to date; their reports in order.
+
+    What those before have freed is returned first.
+    """
+    modules, reports = [import_module(f"vnav.stages.{stage}") for stage in stages], []
+    for module in modules:
+        return_freed()
+        reports.append(module.run(folder, config, progress=progress))
+    return reports
 
 
 def expect_scale(config: Config) -> None:

@@ -11,7 +11,6 @@ from typing import Any
 from vnav.config import Config
 from vnav.core.report import Report
 from vnav.io.store.map_folder import MapFolder
-from vnav.memory import return_freed
 
 Clock = tuple[float, float]
 
@@ -46,8 +45,7 @@ def clock() -> Clock:
 
 
 def finished(folder: MapFolder, report: Report, started: Clock) -> Report:
-    """The report with its seconds since ``started``, kept in the map; freed memory is returned."""
-    return_freed()
+    """The report with its seconds since ``started``, kept in the map."""
     wall_s, cpu_s = (round(end - begin, 3) for begin, end in zip(started, clock(), strict=True))
     report = dataclasses.replace(report, seconds=wall_s, cpu_seconds=cpu_s)
     folder.write_report(report.stage, report.as_dict())

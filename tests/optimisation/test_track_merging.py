@@ -1,6 +1,6 @@
 import numpy as np
 
-from vnav.core.tracks import merge
+from vnav.optimisation.track_merging import merge
 
 COUNTS = np.array([4, 5, 3], np.int32)
 
