@@ -152,6 +152,39 @@ def test_one_likely_motion_is_enough_for_a_frame(folder: MapFolder, altering: Al
     assert assess(folder, CONFIG).values["motions_unsure"] == 0
 
 
+def say_focal_length(folder: MapFolder, fitted_px: float, sigma_px: float) -> None:
+    """Let the report of optimise say that 525 px were given, and what the images fit."""
+    report = folder.report("optimise")
+    length = {"given_px": 525.0, "fitted_px": fitted_px, "sigma_px": sigma_px}
+    report["values"]["focal_lengths"] = [length]
+    folder.write_report("optimise", report)
+
+
+def test_images_that_fit_another_focal_length_are_told_of(folder: MapFolder) -> None:
+    say_focal_length(folder, 500.0, 1.0)
+
+    (doubt,) = assess(folder, CONFIG).doubts
+
+    assert "500.0 px (+- 1.0) where 525.0 px were given" in doubt
+
+
+@pytest.mark.parametrize(("fitted_px", "sigma_px"), [(515.0, 1.0), (500.0, 10.0)])
+def test_a_focal_length_that_is_near_or_hardly_known_is_no_doubt(
+    folder: MapFolder, fitted_px: float, sigma_px: float
+) -> None:
+    say_focal_length(folder, fitted_px, sigma_px)
+
+    assert assess(folder, CONFIG).doubts == ()
+
+
+def test_the_images_of_a_rendered_room_fit_its_camera(folder: MapFolder) -> None:
+    (length,) = folder.report("optimise")["values"]["focal_lengths"]
+
+    # The noise of a map of so few frames, and rounding of pixels at its edges.
+    assert length["fitted_px"] == pytest.approx(length["given_px"], rel=0.01)
+    assert length["sigma_px"] < 0.01 * length["given_px"]
+
+
 def test_a_verdict_is_on_the_map_as_it_was_judged(folder: MapFolder) -> None:
     judged(folder, CONFIG)
     assert overview(folder)["quality"]["verdict"] == "good"

@@ -54,6 +54,12 @@ class FeatureTracks:
         tracks.sensor = None
         return tracks
 
+    def measured(self, px: Array) -> "FeatureTracks":
+        """The same, seen at other pixels (F, 2)."""
+        tracks = copy.copy(self)
+        tracks.seen = self.seen.measured(px, self.seen.inverse_depth)
+        return tracks
+
     def without(self, errors: SensorErrors) -> tuple["FeatureTracks", Array]:
         """The same, measured without a sensor's errors, and how what is measured grows with them.
 

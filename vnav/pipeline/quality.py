@@ -31,6 +31,7 @@ from vnav.io.store.artifacts import (
 from vnav.io.store.map_folder import MapFolder
 from vnav.loop_closing.loop_candidates import are_apart
 from vnav.optimisation.camera_motion import velocities
+from vnav.optimisation.focal_length import FocalLength
 from vnav.registration.surface_agreement import Agreement, agreements, disagreeing
 from vnav.tracking.pose_choice import UNSURE
 
@@ -40,6 +41,7 @@ NEIGHBOURS = 1, 2  # keyframes onward that tell what is usual
 DISAGREEING, LEAST_DISAGREEING = 0.2, 2  # share of revisits, and number, that speak against a map
 LEAST_CONTRADICTING = 5  # rejected loops that do; chance makes 1.5 of 150
 LEAST_UNSURE = 2  # frames in doubt that do
+WRONG_FOCAL, SURE_SIGMAS = 0.025, 5.0  # share of a focal length, and of its standard deviation
 
 
 @dataclass(frozen=True)
@@ -53,12 +55,12 @@ class Quality:
     def line(self) -> str:
         """The verdict for a person."""
         if self.doubts:
-            return f"doubtful, for {len(self.doubts)} of 4 reasons"
-        return "good: revisits, loops, steps and motions agree"
+            return f"doubtful, for {len(self.doubts)} of 5 reasons"
+        return "good: revisits, loops, steps, motions and cameras agree"
 
 
 def assess(folder: MapFolder, config: Config) -> Quality:
-    """The verdict on a finished map, by its revisits, loops, steps and motions."""
+    """The verdict on a finished map, by its revisits, loops, steps, motions and cameras."""
     odometry, poses = load_odometry(folder), load_optimised(folder).T_world_camera
     rows, registration = odometry.keyframe_rows, config.registration
     twists = velocities(poses, odometry.frames)
@@ -73,6 +75,8 @@ def assess(folder: MapFolder, config: Config) -> Quality:
     against = contradicting_loops(evenly(rejected, MOST_PAIRS), poses, seen, registration)
     unborne = unborne_steps(rows, odometry.segment, poses, seen, registration)
     unsure = unsure_rows(odometry)
+    focals = folder.report("optimise").get("values", {}).get("focal_lengths", [])
+    wrong = [FocalLength(**f) for f in focals if is_wrong(FocalLength(**f))]
     doubts = []
     if len(apart) > max(DISAGREEING * len(revisits), LEAST_DISAGREEING - 1):
         doubts.append(_disagreement(apart, revisits, odometry))
@@ -82,6 +86,8 @@ def assess(folder: MapFolder, config: Config) -> Quality:
         doubts.append(_unborne(unborne, odometry))
     if len(unsure) >= LEAST_UNSURE:
         doubts.append(_uncertainty(unsure, odometry))
+    if wrong:
+        doubts.append(_wrong_cameras(wrong))
     values = {
         "verdict": "doubtful" if doubts else "good",
         "doubts": doubts,
@@ -92,6 +98,7 @@ def assess(folder: MapFolder, config: Config) -> Quality:
         "loops_contradicting": len(against),
         "steps_unborne": len(unborne),
         "motions_unsure": len(unsure),
+        "focal_lengths_wrong": len(wrong),
     }
     return Quality(tuple(doubts), values)
 
@@ -100,6 +107,12 @@ def unsure_rows(odometry: Odometry) -> NDArray[np.intp]:
     """Frames none of whose motions from earlier ones is likely to be right."""
     best = best_into(odometry.edges)
     return np.array(sorted(row for row, p in best.items() if p < UNSURE), np.intp)
+
+
+def is_wrong(focal: FocalLength) -> bool:
+    """Whether the images fit another focal length than was given, so that it bends the map."""
+    off = abs(focal.fitted_px - focal.given_px)
+    return off > WRONG_FOCAL * focal.given_px and off > SURE_SIGMAS * focal.sigma_px
 
 
 def _loops(folder: MapFolder) -> tuple[int, list[Edge]]:
@@ -159,6 +172,17 @@ def _uncertainty(unsure: NDArray[np.intp], odometry: Odometry) -> str:
         f"the motion of {len(unsure)} frames is in doubt, within"
         f" {odometry.frames.rows_text(unsure)}; what repeats or moves filled the view: record with"
         " more of what stands still and is unique"
+    )
+
+
+def _wrong_cameras(focals: Sequence[FocalLength]) -> str:
+    told = ", ".join(
+        f"{f.fitted_px:.1f} px (+- {f.sigma_px:.1f}) where {f.given_px:.1f} px were given"
+        for f in focals
+    )
+    return (
+        f"the images fit another focal length than their camera's: {told}; correct the camera,"
+        " by 'vnav calibrate' or what its maker says, and build the map anew"
     )
 
 

@@ -80,7 +80,7 @@ def _map_verdict(values: dict[str, Any]) -> str:
         return html.verdict("doubtful", "No verdict", ["The map is not finished."])
     if quality["doubts"]:
         return html.verdict("doubtful", "Doubtful map", quality["doubts"])
-    return html.verdict("good", "Good map", ["Revisits, loops, steps and motions agree."])
+    return html.verdict("good", "Good map", ["Revisits, loops, steps, motions and cameras agree."])
 
 
 def _tiles(values: dict[str, Any]) -> str:
