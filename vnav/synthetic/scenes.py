@@ -101,7 +101,7 @@ SCENES: dict[str, Callable[[int], Scene]] = {
     "room_after": room_after,
     "two_storeys": two_storeys,
     "building_2": building(2),
-    "building_12": building(12),
+    "building_20": building(20),
     **{f"building_10_wing_{room}": wing(10, room) for room in range(10)},
 }
 
