@@ -120,26 +120,14 @@ class MapIndex:
         position, row = rows_of(self.seen_start, landmarks)
         return position, self.seen_by[row]
 
-    def near_keyframes_of(
-        self, landmarks: NDArray[np.int32]
-    ) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-        """Every keyframe that sees a landmark (N,) or is covisible with one that does, once.
-
-        Position in the argument, ascending, and keyframe.
-        """
-        position, keyframe = self.keyframes_of(landmarks)
-        which, row = rows_of(self._covisible_start, keyframe)
-        near = np.zeros((len(landmarks), self.keyframes), bool)
-        near[position[which], self._covisible_of[row]] = True
-        position, near_keyframe = np.nonzero(near)
-        return position, near_keyframe
-
     @cached_property
-    def _covisible_start(self) -> NDArray[np.intp]:
+    def covisible_start(self) -> NDArray[np.intp]:
+        """(K + 1,): where the keyframes covisible with one begin in `covisible_of`, and end."""
         return np.append(0, np.cumsum(self.covisible.sum(1)))
 
     @cached_property
-    def _covisible_of(self) -> NDArray[np.intp]:
+    def covisible_of(self) -> NDArray[np.intp]:
+        """The keyframes that are covisible with the first, with the second, and so on."""
         return np.nonzero(self.covisible)[1]
 
     @property

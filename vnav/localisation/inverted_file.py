@@ -76,6 +76,8 @@ def _nearest_distinct(
                 break
             found = row_of[nearest]
             rows[q, k], squared[q, k] = found, left[nearest]
+            if k == count - 1:
+                break
             for n in range(size):
                 for d in range(position.shape[1]):
                     if not abs(position[row_of[n], d] - position[found, d]) < same_within:

@@ -5,6 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from vnav.compiled import compiled
+from vnav.core.arrays import Rows
 from vnav.core.map_index import MapIndex
 from vnav.localisation.matches import Matches
 
@@ -24,7 +26,7 @@ def covisibility_clusters(
 
     Each is the one with the most matches that no fuller one holds.
     """
-    match, keyframe = index.near_keyframes_of(matches.landmark)
+    match, keyframe = near_keyframes(matches, index)
     free = np.ones(len(matches), bool)
     found: list[CovisibilityCluster] = []
     while len(found) < count and len(matches):
@@ -40,5 +42,41 @@ def covisibility_clusters(
 
 def keyframe_votes(matches: Matches, index: MapIndex) -> NDArray[np.intp]:
     """How many matches the cluster of each keyframe (K,) holds."""
-    _, keyframe = index.near_keyframes_of(matches.landmark)
-    return np.bincount(keyframe, minlength=index.keyframes)
+    return np.bincount(near_keyframes(matches, index)[1], minlength=index.keyframes)
+
+
+def near_keyframes(matches: Matches, index: MapIndex) -> tuple[Rows, Rows]:
+    """Each keyframe that sees a match's landmark or is covisible with one that does, once.
+
+    The match (P,), ascending, and the keyframe (P,).
+    """
+    sees, beside = index.seen_start, index.covisible_start
+    return _near(matches.landmark, sees, index.seen_by, beside, index.covisible_of)
+
+
+@compiled
+def _near(
+    landmark: NDArray[np.int32],
+    seen_start: NDArray[np.int32],
+    seen_by: NDArray[np.int32],
+    covisible_start: Rows,
+    covisible_of: Rows,
+) -> tuple[Rows, Rows]:
+    """Counted first, then written down; ``last`` is the match that met a keyframe last."""
+    keyframes = len(covisible_start) - 1
+    match, keyframe = np.empty(0, np.intp), np.empty(0, np.intp)
+    for writes in (False, True):
+        last, count = np.full(keyframes, -1, np.intp), 0
+        for n in range(len(landmark)):
+            for seen in range(seen_start[landmark[n]], seen_start[landmark[n] + 1]):
+                near = covisible_start[seen_by[seen]], covisible_start[seen_by[seen] + 1]
+                for row in range(near[0], near[1]):
+                    k = covisible_of[row]
+                    if last[k] != n:
+                        last[k] = n
+                        if writes:
+                            match[count], keyframe[count] = n, k
+                        count += 1
+        if not writes:
+            match, keyframe = np.empty(count, np.intp), np.empty(count, np.intp)
+    return match, keyframe

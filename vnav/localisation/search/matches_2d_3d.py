@@ -86,7 +86,8 @@ def _second_nearest(
     rows: Rows, distances: Floats, database: LandmarkDatabase, *, everywhere: bool
 ) -> Floats:
     """Distance (N, K) of the nearest other candidate of each, covisible with it or everywhere."""
-    keyframe = database.reference_keyframe[database.index.owner[rows]]
-    other = database.index.covisible[keyframe[:, :, None], keyframe[:, None, :]] | everywhere
-    other &= ~np.eye(rows.shape[1], dtype=bool)
+    other: NDArray[np.bool_] = ~np.eye(rows.shape[1], dtype=bool)
+    if not everywhere:
+        keyframe = database.reference_keyframe[database.index.owner[rows]]
+        other = other & database.index.covisible[keyframe[:, :, None], keyframe[:, None, :]]
     return np.asarray(np.where(other, distances[:, None, :], np.inf).min(2), np.float32)
