@@ -225,6 +225,15 @@ def test_a_delay_beyond_any_sensors_is_none() -> None:
     assert sensor.errors.line_delay_s == 0
 
 
+def test_a_delay_that_is_refused_leaves_no_trace() -> None:
+    """Landmarks, those of one sighting too, are where they were had it never been tried."""
+    scene = moving_scene(SensorErrors(line_delay_s=1.5 * LARGEST[2]))
+    sensor, _, bundle = calibrated(scene.bundle, scene.tracks, scene.selection)
+    untried, _, at_rest = calibrated(scene.bundle, scene.tracks.at_rest(), scene.selection)
+    assert sensor.errors == untried.errors
+    np.testing.assert_array_equal(bundle.points_world, at_rest.points_world)
+
+
 def test_the_offset_of_depth_is_found_beside_delays() -> None:
     errors = SensorErrors(3e-4, 0.015, 6e-5)
     scene = moving_scene(errors)

@@ -42,7 +42,8 @@ def calibrated(
     """Those errors of the sensor that the images determine; tracks and bundle without them.
 
     A delay is determined where it is at least `SURE_SIGMAS` from 0. What is found beyond `LARGEST`
-    is no such error: the data err otherwise. Either is 0 while the others are found again.
+    is no such error: the data err otherwise. Either is 0 while the others are found again, from the
+    bundle as it was given: what a wrong error bent and dropped is not to stay so.
 
     Depth by triangulation, from structured light or stereo, errs by an offset of its disparity.
     That bends what is far against what is near, as no scale would, and landmarks seen from several
@@ -51,16 +52,15 @@ def calibrated(
     2012, "Rolling shutter bundle adjustment". Late depth is of another view than colour's.
     """
     free = np.array([True, *[tracks.sensor is not None] * 2])
-    errors, sigmas = np.zeros(3), np.where(free, PRIOR_SIGMAS, np.inf)
+    sigmas = np.where(free, PRIOR_SIGMAS, np.inf)
     while True:
         measured = tracks if free[1:].any() else tracks.at_rest()
-        sensor, without, bundle = _converged(bundle, measured, selection, free, errors)
-        errors, sigmas = sensor.errors.vector, np.where(free, sensor.sigmas, sigmas)
-        size = np.abs(errors)
+        sensor, without, adjusted = _converged(bundle, measured, selection, free)
+        sigmas, size = np.where(free, sensor.sigmas, sigmas), np.abs(sensor.errors.vector)
         kept = free & (size < LARGEST) & (size >= SURE_SIGMAS * sigmas)
         if (kept == free).all():
-            return SensorCalibration(sensor.errors, sigmas), without, bundle
-        free, errors = kept, np.where(kept, errors, 0.0)
+            return SensorCalibration(sensor.errors, sigmas), without, adjusted
+        free = kept
 
 
 def _converged(
@@ -68,11 +68,10 @@ def _converged(
     measured: FeatureTracks,
     selection: ObservationSelection,
     free: NDArray[np.bool_],
-    errors: Array,
 ) -> Calibrated:
-    """The free errors, found in passes from those given, and the tracks without them."""
-    priors = np.where(free, PRIOR_SIGMAS, HELD * PRIOR_SIGMAS)
-    tracks, by_error = measured.without(SensorErrors(*errors.tolist()))
+    """The free errors, found in passes from 0, and the tracks without them."""
+    errors, priors = np.zeros(3), np.where(free, PRIOR_SIGMAS, HELD * PRIOR_SIGMAS)
+    tracks, by_error = measured.without(SensorErrors())
     for _ in range(PASSES):
         before, noise = errors, selection.noise(bundle, tracks)
         inliers = selection.inliers(bundle, tracks, noise)
