@@ -96,7 +96,7 @@ def _coarse_to_fine(levels: Sequence[Terms], T_a_b: Array, predicted: Array) -> 
 def _from_both_sides(levels: Sequence[Terms], T_a_b: Array, axis: Array, predicted: Array) -> Array:
     """The motion that is found from beside ``T_a_b`` along an open axis, if it is clearly better.
 
-    A step in depth has no gradient: where surfaces pass it on one side, nothing draws them back.
+    What stands out of a wall draws surfaces back only from where they overlap its slopes.
     """
     beside = [T_a_b @ se3.exp(side * axis * MOTION_SIGMAS) for side in (-1, 1)]
     found = [T_a_b]

@@ -67,14 +67,12 @@ class ResidualTerm:
     def cost(self, T_a_b: Array) -> float:
         """Half of the squared residuals by the sensor's noise, under the kernel.
 
-        Points that fall on nothing count as the others do in the mean.
+        Points that fall on nothing count as a standard deviation off.
         """
         residuals = self._sums(T_a_b)[3]
-        squared = (residuals[np.isfinite(residuals)] / (CAUCHY_SIGMAS * self.min_sigma)) ** 2
-        if not len(squared):
-            return 0.0
-        mean = CAUCHY_SIGMAS**2 / 2 * np.log1p(squared).mean()
-        return float(mean * len(residuals) / self.correlated)
+        off = np.where(np.isfinite(residuals), residuals / self.min_sigma, 1.0)
+        of_points = CAUCHY_SIGMAS**2 / 2 * np.log1p((off / CAUCHY_SIGMAS) ** 2)
+        return float(of_points.sum() / self.correlated)
 
     def _fit_exposure(self, a: Array, residuals: Array) -> None:
         """Gain and offset by mean and deviation of what both have seen: blind to a wrong motion."""
