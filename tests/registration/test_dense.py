@@ -15,6 +15,8 @@ CAMERA = Intrinsics(320, 240, 262.5, 262.5, 159.5, 119.5)
 CONFIG = RegistrationConfig()
 MOTION = se3.exp([0.02, -0.03, 0.01, 0.03, -0.02, 0.04])  # 2 degrees and 5 cm
 WALL = np.array([[0.0, 0.0, 1.0, 2.0]])  # normal and distance: n x = d
+NEAR_WALL = np.array([[0.0, 0.0, 1.0, 0.8]])
+FAR_WALL = np.array([[0.0, 0.0, 1.0, 6.0]])
 CORNER = np.array([[0.0, 0.0, 1.0, 2.5], [0.8, 0.0, 0.6, 1.6], [0.1, 0.9, 0.4, 1.2]])
 STILL = np.eye(4)
 
@@ -154,3 +156,60 @@ def test_errors_on_painted_walls_are_what_the_information_says() -> None:
         squared.append(off @ estimate.information @ off)
     # Never above: 60 degrees of freedom, 99.9 % of the sums are below 99.6.
     assert sum(squared) < 99.6
+
+
+def seen_before_a_painted_room(T_world_camera: np.ndarray, seed: int) -> Frame:
+    """A bare wall that ends at x = 0; beside it a painted one, too far away to have depth."""
+    near, far = seen(WALL, T_world_camera, seed), seen(FAR_WALL, T_world_camera, seed, 1.0)
+    px = np.stack(np.meshgrid(np.arange(320.0), np.arange(240.0)), -1)
+    rays = CAMERA.unproject(px.reshape(-1, 2), np.ones(240 * 320)) @ T_world_camera[:3, :3].T
+    reach = (WALL[0, 3] - T_world_camera[2, 3]) / rays[:, 2]
+    beside = (T_world_camera[0, 3] + reach * rays[:, 0] > 0).reshape(240, 320)
+    color = np.where(beside[..., None], far.color, near.color)
+    return dataclasses.replace(near, color=color, depth_m=np.where(beside, 0, near.depth_m))
+
+
+def seen_relief(T_world_camera: np.ndarray, seed: int) -> Frame:
+    """A bare wall with a post of 4 cm, the sides of which are slopes as wide."""
+    frame = seen(NEAR_WALL, T_world_camera, None)
+    px = np.stack(np.meshgrid(np.arange(320.0), np.arange(240.0)), -1).reshape(-1, 2)
+    rays = CAMERA.unproject(px, np.ones(len(px))) @ T_world_camera[:3, :3].T
+    z = frame.depth_m.ravel().astype(float)
+    for _ in range(30):
+        x, _, at = (T_world_camera[:3, 3] + rays * z[:, None]).T
+        height = (x - 0.05).clip(0, 0.04) - (x - 0.17).clip(0, 0.04)
+        z += 0.7 * (NEAR_WALL[0, 3] - height - at) / rays[:, 2]
+    noise = CONFIG.depth_sigma_per_m2 * np.random.default_rng(seed).standard_normal(len(px))
+    depth_m = (1 / (1 / z + noise)).reshape(240, 320).astype(np.float32)
+    return dataclasses.replace(frame, depth_m=depth_m)
+
+
+@pytest.mark.parametrize("along_m", [-0.025, 0.025])
+def test_what_stands_out_of_a_wall_is_found_from_either_side(along_m: float) -> None:
+    motion = se3.exp([0.0, 0.005, 0.0, 0.02, 0.0, 0.01])
+    a, b = (seen_relief(T, k) for k, T in enumerate((STILL, motion)))
+    estimate = align(a, b, CAMERA, CONFIG, motion @ se3.exp([0, 0, 0, along_m, 0, 0]))
+    assert abs(error(estimate, motion)[3]) < 0.002
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_what_lies_behind_the_edge_of_a_wall_does_not_move_the_wall(seed: int) -> None:
+    motion = se3.exp([0.0, 0.01, 0.0, 0.05, 0.0, 0.02])
+    a, b = (seen_before_a_painted_room(T, 2 * seed + k) for k, T in enumerate((STILL, motion)))
+    estimate = align(a, b, CAMERA, CONFIG, motion)
+    assert isinstance(estimate, DenseEstimate)
+    off = error(estimate, motion)
+    assert off @ estimate.information @ off < 6
+
+
+def test_a_wall_that_most_channels_see_clipped_fixes_the_motion_when_the_exposure_jumps() -> None:
+    yellow = np.array([1.8, 1.8, 0.5])
+    a, b = (
+        dataclasses.replace(f, color=(f.color * yellow * gain).clip(0, 255).astype(np.uint8))
+        for f, gain in ((seen(WALL, STILL, 0, 1.0), 0.8), (seen(WALL, MOTION, 1, 1.0), 1.6))
+    )
+    estimate = align(a, b, CAMERA, CONFIG, STILL)
+    assert isinstance(estimate, DenseEstimate)
+    assert estimate.well_constrained
+    off = error(estimate, MOTION)
+    assert off @ estimate.information @ off < 6

@@ -16,6 +16,7 @@ from vnav.core.camera import Intrinsics
 from vnav.core.frame import Frame, Rejected
 from vnav.core.reduced_frame import ReducedFrame
 from vnav.registration.image_pair import ImagePair
+from vnav.registration.judge import CLEAR
 from vnav.registration.refinement import CONVERGED
 from vnav.registration.residual_term import ResidualTerm
 
@@ -27,6 +28,8 @@ ITERATIONS = 20  # at each of them
 MIN_OVERLAP = 0.4  # share of the points that fall on a surface of the other image
 MIN_INLIERS = 0.8  # share of those that lie on it
 WELL_CONSTRAINED = 100.0  # times the prediction's information, in every direction
+
+Terms = Sequence[ResidualTerm]
 
 
 @dataclass(frozen=True)
@@ -50,9 +53,9 @@ def align(
 
     Gauss-Newton from the predicted ``T_a_b``, from coarse images to fine ones, under Cauchy's
     kernel, which is as wide as the residuals are and narrows with them. Where the images leave a
-    direction open, as a bare wall does along itself, the prediction decides, and the information
-    says how little it knows. Rejected where too little overlaps or agrees, or where the prediction
-    is contradicted.
+    direction open, as a bare wall does along itself, it is sought from either side. Where nothing
+    is found there, the prediction decides, and the information says how little it knows. Rejected
+    where too little overlaps or agrees, or where the prediction is contradicted.
     """
     return _aligned(ImagePair.of(a, b, intrinsics), BLURS_PX, config, predicted)
 
@@ -67,23 +70,56 @@ def align_reduced(
 def _aligned(
     images: ImagePair, blurs_px: Sequence[float], config: RegistrationConfig, predicted: Array
 ) -> DenseEstimate | Rejected:
-    T_a_b = se3.orthonormal(predicted)
-    for blur_px in blurs_px:
-        terms = images.terms(blur_px, config.depth_sigma_per_m2)
-        T_a_b = _minimised(terms, T_a_b, predicted)
-    overlap, agreeing = terms[0].agreement(T_a_b)
+    levels = [images.terms(blur_px, config.depth_sigma_per_m2) for blur_px in blurs_px]
+    T_a_b = _coarse_to_fine(levels, se3.orthonormal(predicted), predicted)
+    known, axes, _ = _image_information(levels[-1], T_a_b)
+    if known.min() <= WELL_CONSTRAINED:
+        T_a_b = _from_both_sides(levels, T_a_b, axes[:, 0], predicted)
+        known, axes, _ = _image_information(levels[-1], T_a_b)
+    overlap, agreeing = levels[-1][0].agreement(T_a_b)
     if overlap < MIN_OVERLAP:
         return Rejected("too little depth in common")
     if agreeing < MIN_INLIERS:
         return Rejected("surfaces do not agree")
     if np.abs(_deviation(T_a_b, predicted)).max() > MAX_SIGMAS:
         return Rejected("surfaces contradict the prediction")
-    known, axes, _ = _image_information(terms, T_a_b)
     information = (axes * (known + 1)) @ axes.T / np.outer(MOTION_SIGMAS, MOTION_SIGMAS)
     return DenseEstimate(T_a_b, information, bool(known.min() > WELL_CONSTRAINED))
 
 
-def _minimised(terms: Sequence[ResidualTerm], T_a_b: Array, predicted: Array) -> Array:
+def _coarse_to_fine(levels: Sequence[Terms], T_a_b: Array, predicted: Array) -> Array:
+    for terms in levels:
+        T_a_b = _minimised(terms, T_a_b, predicted)
+    return T_a_b
+
+
+def _from_both_sides(levels: Sequence[Terms], T_a_b: Array, axis: Array, predicted: Array) -> Array:
+    """The motion that is found from beside ``T_a_b`` along an open axis, if it is clearly better.
+
+    What stands out of a wall draws surfaces back only from where they overlap its slopes.
+    """
+    beside = [T_a_b @ se3.exp(side * axis * MOTION_SIGMAS) for side in (-1, 1)]
+    found = [T_a_b]
+    for start in beside:
+        T = _coarse_to_fine(levels, start, start)  # the prediction would draw it back at once
+        found.append(_minimised(levels[-1], T, predicted))
+    costs = [_cost(levels[-1], T, predicted) for T in found]
+    best = int(np.argmin(costs))
+    chosen = found[best] if costs[0] - costs[best] > CLEAR else T_a_b
+    for term in levels[-1]:
+        term.adapt(chosen)
+    return chosen
+
+
+def _cost(terms: Terms, T_a_b: Array, predicted: Array) -> float:
+    """Negative logarithm of a motion's likelihood, up to a constant."""
+    for term in terms:
+        term.adapt(T_a_b)
+    off = _deviation(T_a_b, predicted)
+    return sum(term.cost(T_a_b) for term in terms) + float(off @ off) / 2
+
+
+def _minimised(terms: Terms, T_a_b: Array, predicted: Array) -> Array:
     """The motion of least cost near ``T_a_b``, in open directions that which was predicted."""
     for _ in range(ITERATIONS):
         for term in terms:
@@ -97,7 +133,7 @@ def _minimised(terms: Sequence[ResidualTerm], T_a_b: Array, predicted: Array) ->
     return T_a_b
 
 
-def _image_information(terms: Sequence[ResidualTerm], T_a_b: Array) -> tuple[Array, Array, Array]:
+def _image_information(terms: Terms, T_a_b: Array) -> tuple[Array, Array, Array]:
     """What the images tell (6,), in units of the prediction's information; its axes; the gradient.
 
     The axes (6, 6) are columns, and the gradient (6,) is along them. Noise of the image gradients

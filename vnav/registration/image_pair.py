@@ -6,6 +6,7 @@ RGB-D cameras".
 """
 
 from dataclasses import dataclass
+from typing import Any
 
 import cv2
 import numpy as np
@@ -21,10 +22,10 @@ from vnav.registration.image_filters import (
     brightness_gradient,
     exposure_gain,
     fitted_surface,
-    inverse_depth_image,
 )
 from vnav.registration.residual_term import ResidualTerm
 
+GAIN_STRIDE_PX = 4  # between the pixels that tell how much brighter an image is
 STRIDE_PX, FINE_STRIDE_PX = 6, 2  # between the points; of brightness in the two sharpest images
 CORRELATED = 9.0  # points a stride apart err alike: so many count for one
 REACH_OF_BLUR = 4 / 3  # times the blur: reach of the plane fitted to a blurred image's surface
@@ -32,6 +33,8 @@ SLOPE_PIXELS = 540.0  # variance of a pixel over that of such a plane's slope
 GREY_NOISE = 3.0  # of a pixel
 GREY_SIGMA = 1.0  # between two blurred ones, at least
 MIN_GRADIENT_SIGMAS = 4.0  # of a gradient's noise; a pixel with less gradient tells nothing
+
+Image = NDArray[Any]  # grey or colour
 
 
 @dataclass(frozen=True)
@@ -47,8 +50,9 @@ class ImagePair:
     @classmethod
     def of(cls, a: Frame, b: Frame, intrinsics: Intrinsics) -> "ImagePair":
         """Of whole frames."""
-        grey = (cv2.cvtColor(f.color, cv2.COLOR_RGB2GRAY).astype(float) for f in (a, b))
-        return cls(a.depth_m, b.depth_m, *_equally_exposed(*grey), intrinsics)
+        exposed = _equally_exposed(a.color, b.color)
+        grey_a, grey_b = (cv2.cvtColor(c, cv2.COLOR_RGB2GRAY).astype(float) for c in exposed)
+        return cls(a.depth_m, b.depth_m, grey_a, grey_b, intrinsics)
 
     @classmethod
     def of_blocks(cls, a: ReducedFrame, b: ReducedFrame) -> "ImagePair":
@@ -62,7 +66,7 @@ class ImagePair:
         surface_a = fitted_surface(self.depth_a_m, depth_sigma_per_m2, reach)
         surface_b = fitted_surface(self.depth_b_m, depth_sigma_per_m2, reach)
         surfaces = self._surface_term(surface_a[..., 0], surface_b, depth_sigma_per_m2)
-        return surfaces, self._brightness_term(surface_a[..., 0], blur_px)
+        return surfaces, self._brightness_term(surface_a[..., 0], surface_b[..., 0], blur_px)
 
     def _surface_term(self, inverse_depth_a: Array, surface_b: Array, sigma: float) -> ResidualTerm:
         px = _grid(np.isfinite(inverse_depth_a), STRIDE_PX)
@@ -73,14 +77,16 @@ class ImagePair:
         camera = self.intrinsics
         return ResidualTerm(points, none, surface_b, camera, noise, slope_variance, CORRELATED)
 
-    def _brightness_term(self, inverse_depth_a: Array, blur_px: float) -> ResidualTerm:
-        known = np.isfinite(inverse_depth_a)
-        inverse_depth_a = np.where(known, inverse_depth_a, inverse_depth_image(self.depth_a_m))
+    def _brightness_term(
+        self, inverse_depth_a: Array, inverse_depth_b: Array, blur_px: float
+    ) -> ResidualTerm:
+        """Where both images are of one surface: at its edge the blur mixes in what lies behind."""
         a, b = (brightness_gradient(k, blur_px) for k in (self.brightness_a, self.brightness_b))
+        b = np.where(np.isfinite(inverse_depth_b)[..., None], b, np.nan)
         noise = GREY_NOISE / np.sqrt(8 * np.pi) / blur_px**2  # of a blurred image's gradient
         has_gradient = np.hypot(a[..., 1], a[..., 2]) > MIN_GRADIENT_SIGMAS * noise
         stride = STRIDE_PX if blur_px > STRIDE_PX / 2 else FINE_STRIDE_PX
-        px = _grid(has_gradient & (inverse_depth_a > 0), stride)
+        px = _grid(has_gradient & np.isfinite(inverse_depth_a), stride)
         points, brightness = self._points(px, inverse_depth_a), a[px[:, 1], px[:, 0], 0]
         correlated = CORRELATED * (STRIDE_PX / stride) ** 2
         camera = self.intrinsics
@@ -92,12 +98,15 @@ class ImagePair:
         return np.asarray(self.intrinsics.unproject(px, z), np.float64)
 
 
-def _equally_exposed(grey_a: Array, grey_b: Array) -> tuple[Array, Array]:
-    """The darker image is made as bright as the other, and as clipped."""
-    gain = exposure_gain(grey_a, grey_b)
-    brightness_a = np.minimum(grey_a * max(gain, 1.0), 255.0)
-    brightness_b = np.minimum(grey_b / min(gain, 1.0), 255.0)
-    return brightness_a, brightness_b
+def _equally_exposed(a: Image, b: Image) -> tuple[Image, Image]:
+    """The darker image is made as bright as the other, and as clipped in each channel."""
+    few = slice(None, None, GAIN_STRIDE_PX)
+    gain = exposure_gain(a[few, few], b[few, few])
+    return _brightened(a, max(gain, 1.0)), _brightened(b, 1 / min(gain, 1.0))
+
+
+def _brightened(image: Image, gain: float) -> Image:
+    return np.minimum(image * np.float32(gain), np.float32(255))
 
 
 def _depth_m(frame: ReducedFrame) -> DepthImage:

@@ -64,6 +64,16 @@ class ResidualTerm:
         agreeing = np.abs(residuals[on]) < INLIER_SIGMAS * self.min_sigma
         return float(on.mean()), float(agreeing.mean())
 
+    def cost(self, T_a_b: Array) -> float:
+        """Half of the squared residuals by the sensor's noise, under the kernel.
+
+        Points that fall on nothing count as a standard deviation off.
+        """
+        residuals = self._sums(T_a_b)[3]
+        off = np.where(np.isfinite(residuals), residuals / self.min_sigma, 1.0)
+        of_points = CAUCHY_SIGMAS**2 / 2 * np.log1p((off / CAUCHY_SIGMAS) ** 2)
+        return float(of_points.sum() / self.correlated)
+
     def _fit_exposure(self, a: Array, residuals: Array) -> None:
         """Gain and offset by mean and deviation of what both have seen: blind to a wrong motion."""
         b = self.gain * a + self.offset - residuals
