@@ -16,6 +16,10 @@ from vnav.registration.refinement import gauss_newton, normal_equations
 
 ImagesInBlocks = tuple[ReducedFrame, ReducedFrame]
 
+INLIER_SIGMAS_SQUARED = 14.2  # chi-squared, 3 degrees of freedom: 99.7 % of the right matches
+MEDIANS = {False: 1.386, True: 2.366}  # of chi-squared of a match: with one depth, with both
+LEAST_VARIANCE = 0.01  # times that of the settings: exact matches would divide by zero
+
 
 @dataclass(frozen=True)
 class Reprojections:
@@ -102,18 +106,33 @@ class Correspondences:
         Residuals are in standard deviations of both measurements: the target's own, and the
         source's carried over by the motion; the sums are weighted by a Cauchy kernel. Infinite
         behind the camera.
+
+        The first motion takes the noise of the settings, which must do for any sensor; then the
+        residuals tell it. The sharper it is known, the less weighs what moves slowly, as the leg
+        that somebody stands on. Information and residuals stay with the settings.
         """
-        T_a_b, H, squared = gauss_newton(T_a_b, *self._measured)
+        T_a_b, _, squared = gauss_newton(T_a_b, *self._measured, self._variances)
+        T_a_b, _, _ = gauss_newton(T_a_b, *self._measured, self._variances * self._shown(squared))
+        H, _, squared = normal_equations(T_a_b, *self._measured, self._variances)
         return T_a_b, H, squared
+
+    def _shown(self, squared: Array) -> float:
+        """The variances of matches that agree, by residuals (M,), over the settings'; at most 1."""
+        agree = squared < INLIER_SIGMAS_SQUARED
+        if not agree.any():
+            return 1.0
+        ratios = squared / np.where(self.has_both_depths, MEDIANS[True], MEDIANS[False])
+        left = 1 - 6 / max(12, 2 * int(agree.sum()))  # what the motion's six values take up
+        return float(np.clip(np.median(ratios[agree]) / left, LEAST_VARIANCE, 1))
 
     def squared(self, T_a_b: Array) -> Array:
         """Squared residuals (M,) of a motion, as `refined` gives those of the best."""
-        squared: Array = normal_equations(T_a_b, *self._measured)[2]
+        squared: Array = normal_equations(T_a_b, *self._measured, self._variances)[2]
         return squared
 
     @property
-    def _measured(self) -> tuple[Array, Array, NDArray[np.bool_], Array, Array]:
-        return self._source, self._target, self.forward, self._cameras, self._variances
+    def _measured(self) -> tuple[Array, Array, NDArray[np.bool_], Array]:
+        return self._source, self._target, self.forward, self._cameras
 
     def points_a(self, T_a_b: Array) -> Array:
         """The matched points (M, 3) in camera a."""

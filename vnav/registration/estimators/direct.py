@@ -5,10 +5,10 @@ import numpy as np
 from vnav.config import RegistrationConfig
 from vnav.core.arrays import Array
 from vnav.core.frame import PoseEstimate, Rejected
-from vnav.registration.correspondences import Correspondences
+from vnav.registration.correspondences import INLIER_SIGMAS_SQUARED, Correspondences
 from vnav.registration.dense import align_reduced
 from vnav.registration.estimators.agreement import agreed
-from vnav.registration.estimators.points3d import INLIER_SIGMAS_SQUARED, Points3dEstimator
+from vnav.registration.estimators.points3d import Points3dEstimator
 
 
 class DirectEstimator:

@@ -6,12 +6,11 @@ from vnav.config import RegistrationConfig
 from vnav.core import se3
 from vnav.core.arrays import Array
 from vnav.core.frame import PoseEstimate, Rejected
-from vnav.registration.correspondences import Correspondences
+from vnav.registration.correspondences import INLIER_SIGMAS_SQUARED, Correspondences
 from vnav.registration.estimators.agreement import agreed
 
 SAMPLE = 3  # matched points that fix a rigid transformation
 CONFIDENCE = 0.999
-INLIER_SIGMAS_SQUARED = 14.2  # chi-squared, 3 degrees of freedom: 99.7 % of the right matches
 
 
 class Points3dEstimator:
