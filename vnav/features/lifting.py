@@ -42,7 +42,7 @@ def inverse_depth_planes(
     """
     px = np.ascontiguousarray(keypoints_px, np.float64)
     depth_m = np.ascontiguousarray(depth_m, np.float32)
-    limits = EDGE_SIGMAS * config.depth_sigma_per_m2, np.float32(max_depth_m)
+    limits = EDGE_SIGMAS * config.depth_sigma_per_m2, float(np.float32(max_depth_m))
     planes = _planes(px, depth_m, config.depth_window_px // 2, *limits)
     refused = np.isnan(planes[:, 0])
     planes[refused] = _planes(px[refused], depth_m, config.edge_window_px // 2, *limits)

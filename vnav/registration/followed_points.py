@@ -49,7 +49,7 @@ class FollowedRegistration(PointRegistration):
         """Those of the matches (M, 2) that lie close to where a motion puts a's points."""
         points_b = se3.transform(se3.inverse(T_a_b), a.points_camera[self.rows])
         off = np.linalg.norm(self.camera_b.project(points_b) - b.features.keypoints_px, axis=1)
-        return self._known[off <= radius_px]
+        return np.asarray(self._known[off <= radius_px])
 
     @property
     def _known(self) -> NDArray[np.int32]:

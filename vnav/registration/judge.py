@@ -132,8 +132,7 @@ class _View:
         image = np.stack([frame.inverse_depth, grey], -1)
         pixels, stride = _grid(frame.intrinsics, MAX_SAMPLES)
         inverse_depth, brightness = image[pixels[:, 1], pixels[:, 0]].astype(float).T
-        rows, columns = (pixels[:, ::-1] * CELLS // image.shape[:2]).T
-        cells = rows * CELLS[1] + columns
+        cells = _cells(frame.intrinsics)
         known = inverse_depth > 0
         spread = inverse_depth[known].std() if known.any() else 0.0
         total, count = (np.bincount(cells, k, CELLS[0] * CELLS[1]) for k in (inverse_depth, known))
@@ -167,6 +166,14 @@ def _grid(camera: Intrinsics, count: int) -> tuple[NDArray[np.int64], int]:
     stride = ceil(sqrt(camera.width * camera.height / count))
     rows, columns = np.arange(0, camera.height, stride), np.arange(0, camera.width, stride)
     return np.stack(np.meshgrid(columns, rows), -1).reshape(-1, 2).astype(np.int64), stride
+
+
+@lru_cache(MOST_VIEWS)
+def _cells(camera: Intrinsics) -> NDArray[np.int64]:
+    """The number (N,) of the cell that each asked pixel is in."""
+    pixels = _grid(camera, MAX_SAMPLES)[0]
+    rows, columns = (pixels[:, ::-1] * CELLS // (camera.height, camera.width)).T
+    return np.asarray(rows * CELLS[1] + columns)
 
 
 def _log_odds(z: float) -> float:

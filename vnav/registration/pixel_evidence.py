@@ -48,12 +48,12 @@ def carried(
     then the standard deviations of both by noise, and those by delays. NaN where there is nothing
     to compare: a point outside b, or hidden in it; the brightness also of one that is seen through.
     ``a`` and ``b`` (H, W, 2): inverse depth, 0 for none, and brightness; ``cameras`` (2, 10): fx,
-    fy, cx, cy of a and of b, then the twist; ``sigmas`` (5,) of a place in pixels, of inverse
-    depth, of brightness, and of the delays of depth and of a row in seconds, which count where a
-    camera moves.
+    fy, cx, cy of a and of b, then the twist; ``late`` (N, 3): `lateness` of the pixels; ``sigmas``
+    (5,) of a place in pixels, of inverse depth, of brightness, and of the delays of depth and of a
+    row in seconds, which count where a camera moves.
     """
     met = np.full((len(pixels), 6), np.nan)
-    point, p, seen, own = np.empty(3), np.empty(3), np.empty((2, 3)), np.empty((2, 3))
+    point, p, seen = np.empty(3), np.empty(3), np.empty((2, 3))
     here, there = cameras[0], cameras[1]
     is_moving = np.abs(cameras[:, 4:]).max() > 0
     for n in range(len(pixels)):

@@ -68,20 +68,15 @@ class SeenFrame:
         kept = self._is_static(frame.features)
         return replace(
             frame,
-            features=_only(frame.features, kept),
+            features=frame.features[kept],
             image=replace(image, inverse_depth=np.where(self.moving, 0, image.inverse_depth)),
             followed=frame.followed and replace(frame.followed, rows=frame.followed.rows[kept]),
-            coarse=frame.coarse and _only(frame.coarse, self._is_static(frame.coarse)),
+            coarse=frame.coarse and frame.coarse[self._is_static(frame.coarse)],
         )
 
     def _is_static(self, found: FrameFeatures) -> Blocks:
         """Which features (N,) do not lie on what moves."""
         return ~blocks_of(self.moving, found.features.keypoints_px, self.frame.camera.size)
-
-
-def _only(found: FrameFeatures, kept: NDArray[np.bool_]) -> FrameFeatures:
-    """Those of a frame's features (N,) that are kept."""
-    return replace(found, features=found.features[kept], points_camera=found.points_camera[kept])
 
 
 @dataclass(frozen=True)

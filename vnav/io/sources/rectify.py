@@ -82,7 +82,7 @@ class Rectifier:
 
         if self._depth_pixels is not None:
             raw = cast(StoredDepth, cv2.remap(raw, self._depth_pixels, None, cv2.INTER_NEAREST))
-        depth_m = raw / np.float32(self._camera.units_per_metre)
+        depth_m = np.divide(raw, self._camera.units_per_metre, dtype=np.float32)
         depth_m[raw == _SATURATED] = 0
         depth_m = without_specks(depth_m)
         return depth_m if self._warp is None else self._warp(depth_m)

@@ -63,7 +63,7 @@ def _kinds(steps: Steps) -> Kinds:
 
 @compiled
 def _are_alike(step: int, other: int) -> bool:
-    return other > 0 and abs(np.int32(step) - np.int32(other)) <= UNLIKE_STEPS
+    return bool(other > 0 and abs(np.int32(step) - np.int32(other)) <= UNLIKE_STEPS)
 
 
 @compiled
