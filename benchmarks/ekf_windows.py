@@ -24,12 +24,12 @@ from recording import Measurement, add_record_option, conclude
 from vnav.config import CaptureConfig, load
 from vnav.core.association import associate
 from vnav.core.mapping import FrameTable, Odometry
-from vnav.core.reduced_frame import reduced
 from vnav.core.trajectory import Trajectory
 from vnav.evaluation.score import Score, score
 from vnav.features.description import undescribed
 from vnav.io.sources.folder_capture import FolderCapture
 from vnav.io.sources.open_capture import open_capture, read_truth
+from vnav.registration.reduction import reduced
 from vnav.threads import one_blas_thread, one_opencv_thread
 from vnav.tracking.ekf.camera_filter import Followed
 from vnav.tracking.ekf.one_point_ransac import draws_needed

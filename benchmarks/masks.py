@@ -28,10 +28,11 @@ from vnav.core.arrays import Array
 from vnav.core.association import associate
 from vnav.core.frame import Features
 from vnav.core.mapping import FrameFeatures
-from vnav.core.reduced_frame import ReducedFrame, in_pixels, reduced
+from vnav.core.reduced_frame import ReducedFrame, in_pixels
 from vnav.features.sift import SPACE
 from vnav.io.sources.capture import Capture
 from vnav.io.sources.open_capture import open_capture, read_truth
+from vnav.registration.reduction import reduced
 from vnav.synthetic.masks import read_moving_masks
 from vnav.tracking.frame_masks import FrameMasks
 from vnav.tracking.pose_choice import TrackedFrame

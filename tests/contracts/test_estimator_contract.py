@@ -12,11 +12,11 @@ from vnav.config.registries import ESTIMATORS, registered
 from vnav.core import se3
 from vnav.core.frame import Features, Frame, PoseEstimate, Rejected
 from vnav.core.mapping import FrameFeatures
-from vnav.core.reduced_frame import reduced
 from vnav.errors import ConfigError
 from vnav.features.sift import SPACE
 from vnav.registration.correspondences import Correspondences
 from vnav.registration.estimators import estimator
+from vnav.registration.reduction import reduced
 
 SCENE = [
     Plane(2.0, speckle(1)),

@@ -11,10 +11,10 @@ from vnav.config.registries import FILTERS, registered
 from vnav.core import se3
 from vnav.core.frame import Frame
 from vnav.core.mapping import LOST, FrameTable, Odometry
-from vnav.core.reduced_frame import reduced
 from vnav.errors import CaptureError
 from vnav.features import front_end
 from vnav.features.description import undescribed
+from vnav.registration.reduction import reduced
 from vnav.tracking.odometry_builder import OdometryBuilder
 
 STEP_M, STEPS = 0.02, 14

@@ -9,9 +9,9 @@ from tests.registration.plane_views import CAMERA, Plane, periodic, plain, speck
 from vnav.config import RegistrationConfig
 from vnav.core import se3
 from vnav.core.frame import Frame
-from vnav.core.reduced_frame import reduced
 from vnav.registration.judge import WRONG, PixelEvidence, are_same, judge
 from vnav.registration.pixel_evidence import log_likelihoods
+from vnav.registration.reduction import reduced
 
 CONFIG = RegistrationConfig()
 PERIOD_M = 0.2

@@ -10,8 +10,8 @@ from vnav.config import Config, load
 from vnav.core import se3
 from vnav.core.frame import Frame
 from vnav.core.mapping import FrameFeatures, FrameTable, Odometry
-from vnav.core.reduced_frame import reduced
 from vnav.features.description import FrameDescriber, undescribed
+from vnav.registration.reduction import reduced
 from vnav.tracking.feature_tracking import FeatureTracker
 from vnav.tracking.pose_choice import ChosenMotions, TrackedFrame
 from vnav.tracking.visual_odometry import VisualOdometry

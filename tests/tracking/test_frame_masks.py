@@ -9,9 +9,15 @@ import pytest
 from tests.masking.moving_box import STEP_S, all_masks, look_on, walk
 from vnav.config import Config, load
 from vnav.core.arrays import Floats
+from vnav.core.camera import Intrinsics
+from vnav.core.frame import Frame, no_depth
+from vnav.features.description import undescribed
 from vnav.masking.nothing import NoMask
 from vnav.masking.view import MaskedView, PosedView, still
+from vnav.registration.reduction import reduced
 from vnav.tracking import frame_masks
+from vnav.tracking.frame_masks import SeenFrame
+from vnav.tracking.pose_choice import Followed, TrackedFrame
 
 SECONDS = 3.0
 
@@ -63,3 +69,22 @@ def test_of_a_still_scene_no_view_is_held_that_no_mask_needs() -> None:
         still_scene.frames[row] = None
         held.append(len(alive) - (frames - row - 1))
     assert max(held) <= 2 * 0.5 / STEP_S  # those of the window before a view, and after it
+
+
+def test_what_is_followed_stays_with_its_source_where_others_move() -> None:
+    blocks = np.zeros((120, 160), bool)
+    blocks[:, :80] = True  # the left half moves
+    px = np.array([[10, 10], [600, 10], [20, 300], [500, 400]], np.float32)
+    camera = Intrinsics(640, 480, 525.0, 525.0, 319.5, 239.5)
+    image = reduced(Frame(0, 1, 0.1, np.zeros((480, 640, 3), np.uint8), no_depth(480, 640), camera))
+    own, source = undescribed(1, px, np.ones((4, 3))), undescribed(0)
+    followed = Followed(source, np.array([7, 8, 9, 10]))
+    view = PosedView(image, np.eye(4), np.zeros_like(blocks))
+    moved_s = np.where(blocks, np.float32(0), np.float32(np.inf))
+
+    static = SeenFrame(TrackedFrame(own, image, camera, followed), view, moved_s).static
+
+    assert static.features.features.keypoints_px.tolist() == px[[1, 3]].tolist()
+    assert static.followed is not None
+    assert static.followed.source is source
+    assert static.followed.rows.tolist() == [8, 10]

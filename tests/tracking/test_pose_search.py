@@ -10,10 +10,10 @@ from vnav.config import Config, FeaturesConfig
 from vnav.core import se3
 from vnav.core.frame import Frame, PoseEstimate
 from vnav.core.mapping import FrameFeatures
-from vnav.core.reduced_frame import reduced
 from vnav.features import front_end
 from vnav.features.lifting import lift
 from vnav.registration.judge import PixelEvidence
+from vnav.registration.reduction import reduced
 from vnav.tracking.pose_choice import ChosenMotions, PoseChoice, Target, TrackedFrame
 from vnav.tracking.pose_search import PoseSearch
 

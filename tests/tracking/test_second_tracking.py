@@ -12,12 +12,12 @@ from vnav.config import Config, FeaturesConfig
 from vnav.core import se3
 from vnav.core.frame import Edge, Frame
 from vnav.core.mapping import FrameFeatures
-from vnav.core.reduced_frame import reduced
 from vnav.features import front_end
 from vnav.features.lifting import lift
 from vnav.io.formats.trajectories import read_tum
 from vnav.masking import PosedView
 from vnav.masking.view import still
+from vnav.registration.reduction import reduced
 from vnav.tracking.frame_masks import FinalFrame, FrameMasks, SeenFrame
 from vnav.tracking.pose_choice import TrackedFrame
 from vnav.tracking.second_tracking import SecondTracker, SecondTracking

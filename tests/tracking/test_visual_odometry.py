@@ -10,10 +10,10 @@ from vnav.core import se3
 from vnav.core.camera import Intrinsics
 from vnav.core.frame import Features, Frame
 from vnav.core.mapping import FrameFeatures, FrameTable, Odometry
-from vnav.core.reduced_frame import reduced
 from vnav.features import front_end
 from vnav.features.lifting import lift
 from vnav.io.formats.trajectories import read_tum
+from vnav.registration.reduction import reduced
 from vnav.tracking.visual_odometry import VisualOdometry
 
 CONFIG = Config(features=FeaturesConfig(max_features=700))

@@ -2,7 +2,7 @@
 
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import groupby
 from typing import Any
 
@@ -89,6 +89,11 @@ class FrameFeatures:
     def __post_init__(self) -> None:
         shape = (len(self.features), 3)
         object.__setattr__(self, "points_camera", frozen(self.points_camera, np.float32, shape))
+
+    def __getitem__(self, selection: NDArray[np.intp] | NDArray[np.bool_]) -> "FrameFeatures":
+        """The frame with the selected features, in the order of the selection."""
+        points = self.points_camera[selection]
+        return replace(self, features=self.features[selection], points_camera=points)
 
     @property
     def has_depth(self) -> NDArray[np.bool_]:

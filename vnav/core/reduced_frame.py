@@ -8,12 +8,8 @@ from numpy.typing import NDArray
 
 from vnav.core.arrays import Array, frozen
 from vnav.core.camera import Intrinsics
-from vnav.core.frame import Frame
 
 BLOCK_PX = 4  # edge of the square of pixels that becomes one
-FILLED = 0.5  # share of a block's pixels that must have depth
-MAX_JUMP = 0.05  # relative spread of inverse depth within a block; more is a depth edge
-GREY_WEIGHTS = 0.299, 0.587, 0.114  # of red, green and blue
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,33 +37,11 @@ class ReducedFrame:
         return replace(self, twist=twist)
 
 
-def reduced(frame: Frame, block_px: int = BLOCK_PX) -> ReducedFrame:
-    """A frame in blocks of ``block_px`` pixels; what is left over at the right and below is cut."""
-    grey = sum(
-        np.float32(weight) * pixels_of_blocks(frame.color[..., k], block_px).mean(0)
-        for k, weight in enumerate(GREY_WEIGHTS)
-    )
-    inverse_depth = _inverse_depth(pixels_of_blocks(frame.depth_m, block_px))
-    camera = reduced_camera(frame.intrinsics, block_px)
-    return ReducedFrame(frame.stamp_s, np.asarray(grey), inverse_depth, camera)
-
-
 def reduced_camera(camera: Intrinsics, block_px: int) -> Intrinsics:
     """The pinhole camera of an image in blocks; its distortion is left out."""
     width, height = camera.width // block_px, camera.height // block_px
     cx, cy = ((c + 0.5) / block_px - 0.5 for c in (camera.cx, camera.cy))
     return Intrinsics(width, height, camera.fx / block_px, camera.fy / block_px, cx, cy)
-
-
-def _inverse_depth(depth_m: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Of blocks (P, H, W) of depth: the mean where most have depth of one surface, else 0."""
-    known = depth_m > 0
-    inverse = np.divide(1, depth_m, out=np.zeros_like(depth_m), where=known)
-    mean = inverse.sum(0) / np.maximum(known.sum(0), 1).astype(np.float32)
-    least = np.where(known, inverse, np.float32(np.inf)).min(0)
-    on_one_surface = inverse.max(0) - least <= MAX_JUMP * mean
-    filled = known.mean(0) >= FILLED
-    return np.where(filled & on_one_surface, mean, np.float32(0))
 
 
 def pixels_of_blocks(image: NDArray[Any], block_px: int) -> NDArray[np.float32]:

@@ -4,6 +4,8 @@ Tangent vectors are ``(rotation, translation)``, the order that gtsam uses, and 
 right: ``T @ exp(xi)``. Every function takes one transform or a stack of them in leading axes.
 """
 
+from math import sqrt
+
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -21,8 +23,9 @@ def make(R: ArrayLike, t: ArrayLike) -> Array:
 def inverse(T: ArrayLike) -> Array:
     """Inverse (..., 4, 4) in closed form."""
     T = np.asarray(T, float)
-    Rt = np.swapaxes(T[..., :3, :3], -1, -2)
-    return make(Rt, -(Rt @ T[..., :3, 3:])[..., 0])
+    Rt, result = T[..., :3, :3].swapaxes(-1, -2), np.zeros(T.shape)
+    result[..., :3, :3], result[..., :3, 3:], result[..., 3, 3] = Rt, -(Rt @ T[..., :3, 3:]), 1.0
+    return result
 
 
 def transform(T_a_b: ArrayLike, points_b: ArrayLike) -> Array:
@@ -94,24 +97,24 @@ def deviation(T: ArrayLike) -> Array:
 def quat_xyzw(R: ArrayLike) -> Array:
     """Unit quaternion (..., 4) x, y, z, w of a rotation (..., 3, 3) or transform (Shepperd)."""
     R = np.asarray(R, float)[..., :3, :3]
-    d = np.diagonal(R, axis1=-2, axis2=-1)
-    trace = d.sum(-1)
-    squares = np.stack([1 + 2 * d[..., k] - trace for k in range(3)] + [1 + trace], -1)
-    k = np.argmax(squares, -1)
-    Rt = np.swapaxes(R, -1, -2)
-    xy, xz, yz = (R + Rt)[..., 0, 1], (R + Rt)[..., 0, 2], (R + Rt)[..., 1, 2]
-    wx, wy, wz = (R - Rt)[..., 2, 1], (R - Rt)[..., 0, 2], (R - Rt)[..., 1, 0]
-    products = np.stack(
-        [
-            np.stack([squares[..., 0], xy, xz, wx], -1),
-            np.stack([xy, squares[..., 1], yz, wy], -1),
-            np.stack([xz, yz, squares[..., 2], wz], -1),
-            np.stack([wx, wy, wz, squares[..., 3]], -1),
-        ],
-        -2,
-    )
-    q = np.take_along_axis(products, k[..., None, None], -2)[..., 0, :]
-    return np.asarray(q / np.linalg.norm(q, axis=-1, keepdims=True))
+    found = [_quaternion(row) for row in R.reshape(-1, 9).tolist()]
+    return np.array(found).reshape(*R.shape[:-2], 4)
+
+
+def _quaternion(R: list[float]) -> list[float]:
+    """Of the nine numbers of one rotation: most are asked for one by one, where arrays are slow."""
+    xx, xy, xz, yx, yy, yz, zx, zy, zz = R
+    trace = xx + yy + zz
+    squares = 1 + 2 * xx - trace, 1 + 2 * yy - trace, 1 + 2 * zz - trace, 1 + trace
+    largest = squares.index(max(squares))
+    x, y, z, w = (
+        (squares[0], xy + yx, xz + zx, zy - yz),
+        (xy + yx, squares[1], yz + zy, xz - zx),
+        (xz + zx, yz + zy, squares[2], yx - xy),
+        (zy - yz, xz - zx, yx - xy, squares[3]),
+    )[largest]
+    length = sqrt(x * x + y * y + z * z + w * w)
+    return [x / length, y / length, z / length, w / length]
 
 
 def rotation_from_quat(q_xyzw: ArrayLike) -> Array:

@@ -97,7 +97,8 @@ def match_by_all(
     two the camera rests. ``T_a_b``: the true motion, if it is known.
     """
     describer = FrameDescriber(config)
-    points = strongest_in_cells(describer.describe(0, a))
+    described = describer.describe(0, a)
+    points = described[strongest_in_cells(described)]
     predicted_px = _seen(points, _predicted(a, before, describer, config), b)
     true_px = None if T_a_b is None else _visible(_seen(points, T_a_b, b), points, T_a_b, b, config)
     at, names = (predicted_px, true_px), sorted(TRACKERS)

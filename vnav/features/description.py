@@ -63,8 +63,8 @@ def points_of(
     keypoints_px: NDArray[np.float32], frame: Frame, config: Config
 ) -> NDArray[np.float32]:
     """3D points (N, 3) of keypoints (N, 2) as `lift` gives them; NaN beyond ``max_depth_m``."""
-    near = near_depth(frame.depth_m, config)
-    return lift(keypoints_px, near, frame.intrinsics, config.registration)
+    farthest_m = config.odometry.max_depth_m
+    return lift(keypoints_px, frame.depth_m, frame.intrinsics, config.registration, farthest_m)
 
 
 def near_depth(depth_m: NDArray[np.float32], config: Config) -> NDArray[np.float32]:

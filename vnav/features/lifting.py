@@ -16,6 +16,7 @@ def lift(
     depth_m: NDArray[np.float32],
     intrinsics: Intrinsics,
     config: RegistrationConfig,
+    max_depth_m: float = np.inf,
 ) -> NDArray[np.float32]:
     """3D points (N, 3) in the camera of keypoints (N, 2), NaN where depth does not hold.
 
@@ -23,14 +24,17 @@ def lift(
     and the noise of a structured-light sensor is even in inverse depth) and read off at its
     sub-pixel place. Refused where less than 60 % of the window has depth, or where a pixel lies
     off the plane by more than the noise explains: a depth edge. There a narrower window is tried.
-    Claim 3, S4.
+    What is farther than ``max_depth_m`` counts as without depth. Claim 3, S4.
     """
-    inverse_depth = inverse_depth_planes(keypoints_px, depth_m, config)[:, 0]
+    inverse_depth = inverse_depth_planes(keypoints_px, depth_m, config, max_depth_m)[:, 0]
     return intrinsics.unproject(keypoints_px, 1 / inverse_depth).astype(np.float32)
 
 
 def inverse_depth_planes(
-    keypoints_px: NDArray[np.floating], depth_m: NDArray[np.float32], config: RegistrationConfig
+    keypoints_px: NDArray[np.floating],
+    depth_m: NDArray[np.float32],
+    config: RegistrationConfig,
+    max_depth_m: float = np.inf,
 ) -> NDArray[np.float64]:
     """Inverse depth (1/m) at keypoints (N, 2), and its slopes in x and y (1/m a pixel): (N, 3).
 
@@ -38,23 +42,27 @@ def inverse_depth_planes(
     """
     px = np.ascontiguousarray(keypoints_px, np.float64)
     depth_m = np.ascontiguousarray(depth_m, np.float32)
-    limit = EDGE_SIGMAS * config.depth_sigma_per_m2
-    planes = _planes(px, depth_m, config.depth_window_px // 2, limit)
+    limits = EDGE_SIGMAS * config.depth_sigma_per_m2, float(np.float32(max_depth_m))
+    planes = _planes(px, depth_m, config.depth_window_px // 2, *limits)
     refused = np.isnan(planes[:, 0])
-    planes[refused] = _planes(px[refused], depth_m, config.edge_window_px // 2, limit)
+    planes[refused] = _planes(px[refused], depth_m, config.edge_window_px // 2, *limits)
     return planes
 
 
 @compiled
 def _planes(
-    px: NDArray[np.float64], depth_m: NDArray[np.float32], reach: int, limit: float
+    px: NDArray[np.float64],
+    depth_m: NDArray[np.float32],
+    reach: int,
+    limit: float,
+    max_depth_m: float,
 ) -> NDArray[np.float64]:
     """Inverse depth and its slopes (N, 3) at each pixel, NaN where they do not hold."""
     planes = np.full((len(px), 3), np.nan)
     size = 2 * reach + 1
     window = np.zeros((size * size, 3))  # offsets in x and y, inverse depth
     for n in range(len(px)):
-        count = _fill(window, px[n], depth_m, reach)
+        count = _fill(window, px[n], depth_m, reach, max_depth_m)
         if count < FILLED * size * size or count < 3:
             continue
         plane = _plane(window[:count])
@@ -69,13 +77,14 @@ def _fill(
     px: NDArray[np.float64],
     depth_m: NDArray[np.float32],
     reach: int,
+    max_depth_m: float,
 ) -> int:
     """Put the pixels around one that have depth into the window; how many there are."""
     height, width = depth_m.shape
     x, y, count = int(np.rint(px[0])), int(np.rint(px[1])), 0
     for v in range(max(0, y - reach), min(height, y + reach + 1)):
         for u in range(max(0, x - reach), min(width, x + reach + 1)):
-            if depth_m[v, u] > 0:
+            if 0 < depth_m[v, u] <= max_depth_m:
                 window[count] = u - px[0], v - px[1], 1.0 / depth_m[v, u]
                 count += 1
     return count

@@ -115,30 +115,39 @@ def _update(models: Floats, grey: Floats) -> None:
     height, width = grey.shape
     for v in range(height):
         for u in range(width):
-            background, candidate = models[0, :, v, u], models[1, :, v, u]
             value = grey[v, u]
-            if background[2] == 0:
-                _start(background, value)
-            elif (value - background[0]) ** 2 < FITS * background[1]:
-                _learn(background, value)
-            elif candidate[2] > 0 and (value - candidate[0]) ** 2 < FITS * candidate[1]:
-                _learn(candidate, value)
+            if models[0, AGE, v, u] == 0:
+                _start(models, 0, v, u, value)
+            elif _fits(models, 0, v, u, value):
+                _learn(models, 0, v, u, value)
+            elif models[1, AGE, v, u] > 0 and _fits(models, 1, v, u, value):
+                _learn(models, 1, v, u, value)
             else:
-                _start(candidate, value)
-            if candidate[2] > background[2]:
-                background[:] = candidate
-                candidate[0], candidate[1], candidate[2] = 0, FIRST_VARIANCE, 0
+                _start(models, 1, v, u, value)
+            if models[1, AGE, v, u] > models[0, AGE, v, u]:
+                for k in range(3):
+                    models[0, k, v, u] = models[1, k, v, u]
+                _start(models, 1, v, u, 0.0)
+                models[1, AGE, v, u] = 0
 
 
 @compiled
-def _start(model: Floats, value: float) -> None:
-    model[0], model[1], model[2] = value, FIRST_VARIANCE, 1
+def _fits(models: Floats, m: int, v: int, u: int, value: float) -> bool:
+    return bool((value - models[m, MEAN, v, u]) ** 2 < FITS * models[m, VARIANCE, v, u])
 
 
 @compiled
-def _learn(model: Floats, value: float) -> None:
-    old = model[2] / (model[2] + 1)
-    model[0] = old * model[0] + (1 - old) * value
-    variance = old * model[1] + (1 - old) * (value - model[0]) ** 2
-    model[1] = max(variance, MIN_VARIANCE)
-    model[2] = min(model[2] + 1, MAX_AGE)
+def _start(models: Floats, m: int, v: int, u: int, value: float) -> None:
+    models[m, MEAN, v, u], models[m, VARIANCE, v, u] = value, FIRST_VARIANCE
+    models[m, AGE, v, u] = 1
+
+
+@compiled
+def _learn(models: Floats, m: int, v: int, u: int, value: float) -> None:
+    age = models[m, AGE, v, u]
+    old = age / (age + 1)
+    models[m, MEAN, v, u] = old * models[m, MEAN, v, u] + (1 - old) * value
+    off = (value - models[m, MEAN, v, u]) ** 2
+    variance = old * models[m, VARIANCE, v, u] + (1 - old) * off
+    models[m, VARIANCE, v, u] = max(variance, MIN_VARIANCE)
+    models[m, AGE, v, u] = min(age + 1, MAX_AGE)

@@ -14,7 +14,7 @@ from vnav.core.camera import Intrinsics
 from vnav.core.frame import Edge, Frame, PoseEstimate, Rejected
 from vnav.core.graph import best_into
 from vnav.core.mapping import LOST, Odometry
-from vnav.core.reduced_frame import ReducedFrame, reduced
+from vnav.core.reduced_frame import ReducedFrame
 from vnav.core.view_overlap import view_overlap
 from vnav.features.matching import DescriptorMatcher
 from vnav.optimisation.camera_motion import velocities
@@ -24,6 +24,7 @@ from vnav.optimisation.segments import Inside, same_pose
 from vnav.registration.dense import align
 from vnav.registration.judge import CLEAR, judge
 from vnav.registration.points3d import PointRegistration
+from vnav.registration.reduction import reduced
 from vnav.registration.surface_agreement import MIN_SHARED, Agreement, agreements, seeing_through
 
 MOST_PAIRS = 60  # of keyframes that are compared, where two parts are to be joined

@@ -18,7 +18,7 @@ from vnav.core.arrays import Array, evenly
 from vnav.core.frame import Edge
 from vnav.core.graph import best_into, ends_of
 from vnav.core.mapping import CONTRADICTS, LOST, Odometry
-from vnav.core.reduced_frame import ReducedFrame, reduced
+from vnav.core.reduced_frame import ReducedFrame
 from vnav.core.view_overlap import view_overlap
 from vnav.io.store.artifacts import (
     load_keyframe,
@@ -32,6 +32,7 @@ from vnav.io.store.map_folder import MapFolder
 from vnav.loop_closing.loop_candidates import are_apart
 from vnav.optimisation.camera_motion import velocities
 from vnav.optimisation.focal_length import FocalLength
+from vnav.registration.reduction import reduced
 from vnav.registration.surface_agreement import Agreement, agreements, disagreeing
 from vnav.tracking.pose_choice import UNSURE
 

@@ -27,7 +27,9 @@ from vnav.registration.pixel_evidence import (
     LINE_DELAY_SIGMA_S,
     SEEN_SIGMAS,
     carried,
+    lateness,
     log_likelihoods,
+    put_alike,
 )
 
 CELLS = 12, 16  # down and across
@@ -95,25 +97,11 @@ def are_same(
 
     Also those that are apart by no more than what the camera moves within ``delay_s``.
     """
-    pixels = _grid(a.intrinsics, MAX_SAMPLES // 8)[0]
-    inverse_depth = a.inverse_depth[pixels[:, 1], pixels[:, 0]]
-    seen = inverse_depth > 0
-    points = a.intrinsics.unproject(pixels[seen], 1 / inverse_depth[seen].astype(float))
-    first, second = (se3.transform(se3.inverse(motion), points) for motion in (T_a_b, U_a_b))
-    apart, farther = _apart(first, second, a.intrinsics)
-    passed = nearer = np.zeros(len(points))
-    if delay_s:
-        later = se3.transform(se3.exp(delay_s * a.twist), points)
-        passed, nearer = _apart(points, later, a.intrinsics)
+    pixels, c = _grid(a.intrinsics, MAX_SAMPLES // 8)[0], a.intrinsics
     limits = SAME * config.ransac_threshold_px / BLOCK_PX, SEEN_SIGMAS * config.depth_sigma_per_m2
-    same = (apart < np.hypot(limits[0], passed)) & (farther < np.hypot(limits[1], nearer))
-    return bool(2 * same.sum() >= len(same))
-
-
-def _apart(points: Array, others: Array, camera: Intrinsics) -> tuple[Array, Array]:
-    """How far points (N, 3) are from others, in pixels (N,) and in inverse depth (N,)."""
-    px = np.linalg.norm(camera.project(points) - camera.project(others), axis=1)
-    return px, np.abs(1 / points[:, 2] - 1 / others[:, 2])
+    motions = np.stack([T_a_b, U_a_b]), delay_s * a.twist
+    camera = np.array([c.fx, c.fy, c.cx, c.cy])
+    return bool(put_alike(*motions, a.inverse_depth, camera, pixels, np.array(limits)) >= 0.5)
 
 
 @dataclass(frozen=True)
@@ -122,14 +110,15 @@ class _View:
 
     ``image`` (H, W, 2): inverse depth, and brightness smoothed so that it can be interpolated;
     ``spread`` (2,): their standard deviations; ``camera`` (10,): fx, fy, cx, cy, then the twist;
-    ``pixels`` (N, 2), their ``brightness`` and ``cells`` (N,); mean ``surface`` of the cells
-    (R, C), 0 where unknown.
+    ``pixels`` (N, 2), how ``late`` (N, 3) they are, their ``brightness`` and ``cells`` (N,); mean
+    ``surface`` of the cells (R, C), 0 where unknown.
     """
 
     image: Floats
     spread: Array
     camera: Array
     pixels: NDArray[np.int64]
+    late: Array
     weight: float
     brightness: Array
     cells: NDArray[np.int64]
@@ -143,17 +132,16 @@ class _View:
         image = np.stack([frame.inverse_depth, grey], -1)
         pixels, stride = _grid(frame.intrinsics, MAX_SAMPLES)
         inverse_depth, brightness = image[pixels[:, 1], pixels[:, 0]].astype(float).T
-        rows, columns = (pixels[:, ::-1] * CELLS // image.shape[:2]).T
-        cells = rows * CELLS[1] + columns
+        cells = _cells(frame.intrinsics)
         known = inverse_depth > 0
         spread = inverse_depth[known].std() if known.any() else 0.0
         total, count = (np.bincount(cells, k, CELLS[0] * CELLS[1]) for k in (inverse_depth, known))
         surface = (total / np.maximum(count, 1)).reshape(CELLS)
         c = frame.intrinsics
         camera = np.array([c.fx, c.fy, c.cx, c.cy, *frame.twist])
-        weight = stride**2 / CORRELATED
+        late, weight = lateness(image, camera, pixels), stride**2 / CORRELATED
         spreads = np.array([spread, brightness.std()])
-        return cls(image, spreads, camera, pixels, weight, brightness, cells, surface)
+        return cls(image, spreads, camera, pixels, late, weight, brightness, cells, surface)
 
 
 def _votes(
@@ -166,7 +154,7 @@ def _votes(
     cameras, chance = np.stack([a.camera, b.camera]), np.hypot(a.spread, b.spread)
     told = np.zeros((len(T_b_a) + 1, len(a.pixels)))
     for k, T in enumerate(T_b_a):
-        met = carried(np.ascontiguousarray(T), a.image, b.image, cameras, a.pixels, sigmas)
+        met = carried(np.ascontiguousarray(T), a.image, b.image, cameras, a.pixels, a.late, sigmas)
         told[k] = log_likelihoods(met, a.brightness, chance, WRONG)
     favour, variance = poll(told, a.cells, a.surface, a.weight, WRONG)
     return favour, variance
@@ -178,6 +166,14 @@ def _grid(camera: Intrinsics, count: int) -> tuple[NDArray[np.int64], int]:
     stride = ceil(sqrt(camera.width * camera.height / count))
     rows, columns = np.arange(0, camera.height, stride), np.arange(0, camera.width, stride)
     return np.stack(np.meshgrid(columns, rows), -1).reshape(-1, 2).astype(np.int64), stride
+
+
+@lru_cache(MOST_VIEWS)
+def _cells(camera: Intrinsics) -> NDArray[np.int64]:
+    """The number (N,) of the cell that each asked pixel is in."""
+    pixels = _grid(camera, MAX_SAMPLES)[0]
+    rows, columns = (pixels[:, ::-1] * CELLS // (camera.height, camera.width)).T
+    return np.asarray(rows * CELLS[1] + columns)
 
 
 def _log_odds(z: float) -> float:

@@ -5,7 +5,7 @@ from numpy.typing import NDArray
 
 from vnav.compiled import compiled
 from vnav.core.arrays import Array, Floats
-from vnav.registration.compiled_geometry import MIN_Z_M, transform
+from vnav.registration.compiled_geometry import MIN_Z_M, exp, inverse, transform
 from vnav.registration.refinement import CAUCHY_SIGMAS
 
 SEEN_SIGMAS = 3.0  # of inverse depth: a point so near to the surface is a point of it
@@ -39,6 +39,7 @@ def carried(
     b: Floats,
     cameras: Array,
     pixels: NDArray[np.int64],
+    late: Array,
     sigmas: Array,
 ) -> Array:
     """What meets pixels (N, 2) of a where they fall in b: rows (N, 6).
@@ -47,12 +48,12 @@ def carried(
     then the standard deviations of both by noise, and those by delays. NaN where there is nothing
     to compare: a point outside b, or hidden in it; the brightness also of one that is seen through.
     ``a`` and ``b`` (H, W, 2): inverse depth, 0 for none, and brightness; ``cameras`` (2, 10): fx,
-    fy, cx, cy of a and of b, then the twist; ``sigmas`` (5,) of a place in pixels, of inverse
-    depth, of brightness, and of the delays of depth and of a row in seconds, which count where a
-    camera moves.
+    fy, cx, cy of a and of b, then the twist; ``late`` (N, 3): `lateness` of the pixels; ``sigmas``
+    (5,) of a place in pixels, of inverse depth, of brightness, and of the delays of depth and of a
+    row in seconds, which count where a camera moves.
     """
     met = np.full((len(pixels), 6), np.nan)
-    point, p, seen, own = np.empty(3), np.empty(3), np.empty((2, 3)), np.empty((2, 3))
+    point, p, seen = np.empty(3), np.empty(3), np.empty((2, 3))
     here, there = cameras[0], cameras[1]
     is_moving = np.abs(cameras[:, 4:]).max() > 0
     for n in range(len(pixels)):
@@ -69,18 +70,75 @@ def carried(
         if not _interpolated(seen, b, x, y):
             continue
         nearer = 1 / p[2] - seen[0, 0]
-        _spread(met[n, 2:4], seen, sigmas, 1 / p[2] / w)
-        met[n, 4:] = 0.0
-        if is_moving and _interpolated(own, a, u, v):
-            late = _late(own, here, u, v, len(a)), _late(seen, there, x, y, len(b))
+        met[n, 2], met[n, 3] = _spread(seen, sigmas, 1 / p[2] / w)
+        met[n, 4] = met[n, 5] = 0.0
+        if is_moving and not np.isnan(late[n, 0]):
+            own = late[n, 0], late[n, 1], late[n, 2]
             shift = _parallax(T_b_a, there, x, y, p[2] * w)
-            _by_delays(met[n, 4:], seen, late, shift, 1 / p[2] / w, sigmas[3:])
+            other = _late(seen, there, x, y, len(b))
+            met[n, 4], met[n, 5] = _by_delays(seen, own, other, shift, 1 / p[2] / w, sigmas)
         limit = SEEN_SIGMAS * np.hypot(met[n, 2], met[n, 4])
         if nearer >= -limit:
             met[n, 0] = nearer
         if abs(nearer) < limit:
             met[n, 1] = seen[1, 0]
     return met
+
+
+@compiled
+def lateness(image: Floats, camera: Array, pixels: NDArray[np.int64]) -> Array:
+    """What pixels (N, 2) of an image gain by a second's delay (N, 3): see `_late`.
+
+    NaN where one lacks depth beside it. ``image`` and ``camera`` (10,) as `carried` takes them.
+    """
+    late, own = np.full((len(pixels), 3), np.nan), np.empty((2, 3))
+    for n in range(len(pixels)):
+        u, v = pixels[n]
+        if _interpolated(own, image, u, v):
+            late[n, 0], late[n, 1], late[n, 2] = _late(own, camera, u, v, len(image))
+    return late
+
+
+@compiled
+def put_alike(
+    T_a_b: Array,
+    meanwhile: Array,
+    inverse_depth: Floats,
+    camera: Array,
+    pixels: NDArray[np.int64],
+    limits: Array,
+) -> float:
+    """Share of a's pixels (N, 2) with depth that two motions put at one place in b, 1 without any.
+
+    Points may be apart by ``limits`` (2,), in pixels and in inverse depth, and by what the camera
+    moves ``meanwhile``, a tangent (6,). ``T_a_b`` (2, 4, 4): the motions.
+    """
+    seen, alike, point, p = 0, 0, np.empty(3), np.empty((3, 3))
+    carrying = inverse(T_a_b[0]), inverse(T_a_b[1]), exp(meanwhile)
+    for n in range(len(pixels)):
+        u, v = pixels[n]
+        if inverse_depth[v, u] <= 0:
+            continue
+        seen += 1
+        point[2] = 1 / np.float64(inverse_depth[v, u])
+        point[0] = (u - camera[2]) / camera[0] * point[2]
+        point[1] = (v - camera[3]) / camera[1] * point[2]
+        for k in range(3):
+            transform(p[k], carrying[k], point)
+        apart, farther = _apart(p[0], p[1], camera)
+        passed, nearer = _apart(point, p[2], camera)
+        alike += apart < np.hypot(limits[0], passed) and farther < np.hypot(limits[1], nearer)
+    return alike / seen if seen else 1.0
+
+
+@compiled
+def _apart(p: Array, q: Array, camera: Array) -> tuple[float, float]:
+    """Pixels between two points, and their difference of inverse depth; NaN behind the camera."""
+    if p[2] <= 0 or q[2] <= 0:
+        return np.nan, np.nan
+    across = camera[0] * (p[0] / p[2] - q[0] / q[2])
+    down = camera[1] * (p[1] / p[2] - q[1] / q[2])
+    return np.hypot(across, down), abs(1 / p[2] - 1 / q[2])
 
 
 @compiled
@@ -103,14 +161,14 @@ def _interpolated(seen: Array, image: Floats, x: float, y: float) -> bool:
 
 
 @compiled
-def _spread(sigma: Array, seen: Array, sigmas: Array, scale: float) -> None:
+def _spread(seen: Array, sigmas: Array, scale: float) -> tuple[float, float]:
     """Standard deviations (2,) of both residuals: by noise, and by slope times noise of place."""
-    place, depth, grey = sigmas[:3]
+    place, depth, grey = sigmas[0], sigmas[1], sigmas[2]
     brought = depth * scale * scale  # noise of the inverse depth that a measured
     slope = seen[0, 1] ** 2 + seen[0, 2] ** 2
     edge = seen[1, 1] ** 2 + seen[1, 2] ** 2
-    sigma[0] = np.sqrt(depth * depth + brought * brought + place * place * slope)
-    sigma[1] = np.sqrt(2 * grey * grey + place * place * edge)
+    of_depth = np.sqrt(depth * depth + brought * brought + place * place * slope)
+    return of_depth, np.sqrt(2 * grey * grey + place * place * edge)
 
 
 @compiled
@@ -122,10 +180,10 @@ def _late(
     Optical flow by the camera's twist; a depth image that is late shows the surface beside, too.
     """
     rx, ry, w = (x - camera[2]) / camera[0], (y - camera[3]) / camera[1], seen[0, 0]
-    spin, speed = camera[4:7], camera[7:10]
-    along = spin[1] * rx - spin[0] * ry - speed[2] * w
-    u = (spin[2] * ry - spin[1] - speed[0] * w - rx * along) * camera[0]
-    v = (spin[0] - spin[2] * rx - speed[1] * w - ry * along) * camera[1]
+    turn_x, turn_y, turn_z = camera[4], camera[5], camera[6]
+    along = turn_y * rx - turn_x * ry - camera[9] * w
+    u = (turn_z * ry - turn_y - camera[7] * w - rx * along) * camera[0]
+    v = (turn_x - turn_z * rx - camera[8] * w - ry * along) * camera[1]
     rows = y - (height - 1) / 2
     return -w * along - seen[0, 2] * u - seen[0, 1] * v, u * rows, v * rows
 
@@ -140,24 +198,24 @@ def _parallax(T_b_a: Array, camera: Array, x: float, y: float, scale: float) -> 
 
 @compiled
 def _by_delays(
-    sigma: Array,
     seen: Array,
-    late: tuple[tuple[float, float, float], tuple[float, float, float]],
+    own: tuple[float, float, float],
+    other: tuple[float, float, float],
     shift: tuple[float, float],
     scale: float,
-    delays: Array,
-) -> None:
-    """Standard deviations (2,) of both residuals by unknown delays, in place.
+    sigmas: Array,
+) -> tuple[float, float]:
+    """Standard deviations (2,) of both residuals by unknown delays.
 
     To first order. A sensor has one delay: frames that move alike are displaced alike.
     """
-    (of_depth, u, v), (of_depth_b, u_b, v_b) = late
+    (of_depth, u, v), (of_depth_b, u_b, v_b) = own, other
     along_slope = seen[0, 2] * shift[0] + seen[0, 1] * shift[1]
     along_edge = seen[1, 2] * shift[0] + seen[1, 1] * shift[1]
     depth = ((scale * scale - along_slope) * of_depth - of_depth_b) ** 2
     rows = (seen[1, 2] * (u - u_b) + seen[1, 1] * (v - v_b)) ** 2
-    sigma[0] = delays[0] * np.sqrt(depth)
-    sigma[1] = np.sqrt((delays[0] * along_edge * of_depth) ** 2 + delays[1] ** 2 * rows)
+    of_brightness = (sigmas[3] * along_edge * of_depth) ** 2 + sigmas[4] ** 2 * rows
+    return sigmas[3] * np.sqrt(depth), np.sqrt(of_brightness)
 
 
 @compiled

@@ -87,8 +87,10 @@ def carried_covariance(
     """Covariance (3, 3) of (u, v, 1/z) there: its own, and that of the point carried over by T."""
     w = 1 / p[2]
     Z = point[2]
-    A = np.empty((3, 3))
-    for n in range(3):  # columns: u, v, 1/z here; rows: the point there, then its pixel
+    for i in range(3):
+        for j in range(3):
+            S[i, j] = variances[i] if i == j else 0.0
+    for n in range(3):  # u, v, 1/z here: what they do to the point there, then to its pixel
         if n < 2:
             scale = Z / here[n]
             x, y, z = T[0, n] * scale, T[1, n] * scale, T[2, n] * scale
@@ -96,14 +98,10 @@ def carried_covariance(
             x = -Z * (p[0] - T[0, 3])
             y = -Z * (p[1] - T[1, 3])
             z = -Z * (p[2] - T[2, 3])
-        A[0, n] = there[0] * w * (x - p[0] * w * z)
-        A[1, n] = there[1] * w * (y - p[1] * w * z)
-        A[2, n] = -w * w * z
-    for i in range(3):
-        for j in range(3):
-            S[i, j] = variances[i] if i == j else 0.0
-            for n in range(3):
-                S[i, j] += A[i, n] * variances[n] * A[j, n]
+        a = (there[0] * w * (x - p[0] * w * z), there[1] * w * (y - p[1] * w * z), -w * w * z)
+        for i in range(3):
+            for j in range(3):
+                S[i, j] += a[i] * variances[n] * a[j]
 
 
 @compiled

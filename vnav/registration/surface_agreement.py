@@ -119,7 +119,9 @@ def _nearer(a: ReducedFrame, b: ReducedFrame, T_b_a: Array, config: Registration
     sigmas = np.array(
         [config.pixel_sigma_px / BLOCK_PX, config.depth_sigma_per_m2, GREY_SIGMA, 0, 0]
     )
-    met = carried(np.ascontiguousarray(T_b_a), _image(a), _image(b), cameras, _grid(a), sigmas)
+    pixels, images = _grid(a), (_image(a), _image(b))
+    late = np.full((len(pixels), 3), np.nan)
+    met = carried(np.ascontiguousarray(T_b_a), *images, cameras, pixels, late, sigmas)
     return np.asarray(met[:, 0] / met[:, 2])
 
 

@@ -17,7 +17,7 @@ from vnav.config.registries import DESCRIPTORS, FILTERS, registered
 from vnav.core.frame import Frame
 from vnav.core.mapping import EVEN_LIGHT, LOST, FrameFeatures, FrameTable, Odometry, light_text
 from vnav.core.progress import Progress, silent
-from vnav.core.reduced_frame import ReducedFrame, reduced
+from vnav.core.reduced_frame import ReducedFrame
 from vnav.core.report import Report
 from vnav.core.trajectory import Trajectory
 from vnav.errors import CaptureError
@@ -30,6 +30,7 @@ from vnav.io.store.map_folder import MapFolder
 from vnav.io.store.records import MappedCapture
 from vnav.io.store.stage_reports import clock, finished, reused, settings_of
 from vnav.lighting.flattened import flattened
+from vnav.registration.reduction import reduced
 from vnav.threads import one_blas_thread, one_opencv_thread
 from vnav.tracking.given_poses import GivenPoses, poses_at
 from vnav.tracking.odometry_builder import OdometryBuilder

@@ -81,7 +81,7 @@ def described(seen: TrackedFrame, frame: Frame, describer: FrameDescriber) -> Tr
     """A frame with all features of its own."""
     features = describer.describe(seen.features.row, frame)
     coarse = seen.features if seen.features.is_coarse else None
-    return replace(seen, features=features, is_followed=False, coarse=coarse)
+    return replace(seen, features=features, followed=None, coarse=coarse)
 
 
 def is_doubtful(choice: ChosenMotions, max_sigma_m: float = MAX_SIGMA_M) -> bool:

@@ -7,16 +7,16 @@ where a tracker finds them, and 3D points by its own depth. Source: 001 sections
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from vnav.config import Config
 from vnav.core import se3
+from vnav.core.arrays import Rows
 from vnav.core.frame import Frame
 from vnav.core.mapping import FrameFeatures
 from vnav.features.description import FrameDescriber, points_of
 from vnav.tracking.feature_tracking import FeatureTracker, are_degenerate, described, is_doubtful
 from vnav.tracking.motion import ConstantVelocity
-from vnav.tracking.pose_choice import ChosenMotions, TrackedFrame
+from vnav.tracking.pose_choice import ChosenMotions, Followed, TrackedFrame
 from vnav.tracking.trackers import Tracker, tracker
 
 CELL_PX = 20  # edge of the square of pixels of which the strongest point is followed
@@ -24,9 +24,10 @@ CELL_PX = 20  # edge of the square of pixels of which the strongest point is fol
 
 @dataclass(frozen=True)
 class Source:
-    """The frame whose points are followed, and what finds them."""
+    """The frame whose points are followed, which features these are, and what finds them."""
 
-    points: FrameFeatures
+    features: FrameFeatures
+    rows: Rows
     tracker: Tracker
 
 
@@ -52,9 +53,8 @@ class FollowedFrames:
         Followed, unless too few points are left or these leave the motion in doubt. If then the
         frame that was followed from shows too little as well, the predecessor is described, too.
         """
-        points = self._followed(seen.features.row, frame)
-        if points is not None:
-            current = replace(seen, features=points, is_followed=True)
+        current = self._followed(seen, frame)
+        if current is not None:
             choice = self._features.track_nearest(current)
             if not is_doubtful(choice):
                 return current, choice
@@ -72,33 +72,36 @@ class FollowedFrames:
         """Follow the points of a frame from now on, if its features are its own."""
         self._predecessor = (current, frame) if current.is_followed else None
         if not current.is_followed:
-            points = strongest_in_cells(current.features)
-            found_by = tracker(frame.color, points.features, self._config)
-            self._source = Source(points, found_by)
+            rows = strongest_in_cells(current.features)
+            found_by = tracker(frame.color, current.features.features[rows], self._config)
+            self._source = Source(current.features, rows, found_by)
 
-    def _followed(self, row: int, frame: Frame) -> FrameFeatures | None:
-        """The points that are found again in a frame, if those are enough."""
+    def _followed(self, seen: TrackedFrame, frame: Frame) -> TrackedFrame | None:
+        """A frame by the points that are found again in it, if those are enough."""
         source, motion = self._source, None
         if source is not None:
-            motion = self._motion.predicted(source.points.row)
+            motion = self._motion.predicted(source.features.row)
         if source is None or motion is None:
             self.share = 1.0
             return None
-        in_camera = se3.transform(se3.inverse(motion), source.points.points_camera)
+        points = source.features.points_camera[source.rows]
+        in_camera = se3.transform(se3.inverse(motion), points)
         px = source.tracker.find(frame.color, frame.intrinsics.project(in_camera))
         found = np.isfinite(px[:, 0])
         self.share = float(found.mean()) if len(found) else 0.0
         if found.sum() < self._config.tracking.min_points:
             return None
-        features = replace(source.points.features[found], keypoints_px=px[found])
-        return FrameFeatures(row, features, points_of(px[found], frame, self._config))
+        rows, px = source.rows[found], px[found]
+        features = replace(source.features.features[rows], keypoints_px=px)
+        points = points_of(px, frame, self._config)
+        own = FrameFeatures(seen.features.row, features, points)
+        return replace(seen, features=own, followed=Followed(source.features, rows))
 
 
-def strongest_in_cells(frame: FrameFeatures) -> FrameFeatures:
-    """The strongest of the features with depth in each cell of the image."""
+def strongest_in_cells(frame: FrameFeatures) -> Rows:
+    """Rows (N,) of the strongest of the features with depth in each cell of the image."""
     px, scores = frame.features.keypoints_px, frame.features.scores
     rows = np.flatnonzero(frame.has_depth)
     rows = rows[np.argsort(-scores[rows], kind="stable")]
     _, first = np.unique(px[rows] // CELL_PX, axis=0, return_index=True)
-    kept: NDArray[np.intp] = np.sort(rows[first])
-    return FrameFeatures(frame.row, frame.features[kept], frame.points_camera[kept])
+    return np.sort(rows[first])

@@ -64,20 +64,19 @@ class SeenFrame:
         """The frame without the features and the depth of what moves; the same if nothing does."""
         if not self.moving.any():
             return self.frame
-        image, coarse = self.frame.image, self.frame.coarse
-        image = replace(image, inverse_depth=np.where(self.moving, 0, image.inverse_depth))
+        frame, image = self.frame, self.frame.image
+        kept = self._is_static(frame.features)
         return replace(
-            self.frame,
-            features=self._static_of(self.frame.features),
-            image=image,
-            coarse=coarse and self._static_of(coarse),
+            frame,
+            features=frame.features[kept],
+            image=replace(image, inverse_depth=np.where(self.moving, 0, image.inverse_depth)),
+            followed=frame.followed and replace(frame.followed, rows=frame.followed.rows[kept]),
+            coarse=frame.coarse and frame.coarse[self._is_static(frame.coarse)],
         )
 
-    def _static_of(self, found: FrameFeatures) -> FrameFeatures:
-        """The features that do not lie on what moves."""
-        features = found.features
-        kept = ~blocks_of(self.moving, features.keypoints_px, self.frame.camera.size)
-        return replace(found, features=features[kept], points_camera=found.points_camera[kept])
+    def _is_static(self, found: FrameFeatures) -> Blocks:
+        """Which features (N,) do not lie on what moves."""
+        return ~blocks_of(self.moving, found.features.keypoints_px, self.frame.camera.size)
 
 
 @dataclass(frozen=True)

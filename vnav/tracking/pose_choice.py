@@ -15,7 +15,7 @@ import numpy as np
 
 from vnav.config import RegistrationConfig
 from vnav.core import se3
-from vnav.core.arrays import Array
+from vnav.core.arrays import Array, Rows
 from vnav.core.camera import Intrinsics
 from vnav.core.frame import PoseEstimate
 from vnav.core.mapping import FrameFeatures
@@ -32,10 +32,18 @@ Motions = dict[int, PoseEstimate]  # to the current frame, by the row of the fra
 
 
 @dataclass(frozen=True)
+class Followed:
+    """Features that are those of an earlier frame, the ``source``: its ``rows`` (N,)."""
+
+    source: FrameFeatures
+    rows: Rows
+
+
+@dataclass(frozen=True)
 class TrackedFrame:
     """What tracking keeps of a frame: its features, and its pixels in blocks; its own camera.
 
-    ``is_followed``: its features are those of an earlier frame, found again in this one.
+    ``followed``: its features are those of an earlier frame, found again in this one.
     ``coarse``: those at half its size, of a frame that was described whole after them.
     ``is_new_view``: it was described whole since it sees enough else to become a keyframe.
     """
@@ -43,9 +51,14 @@ class TrackedFrame:
     features: FrameFeatures
     image: ReducedFrame
     camera: Intrinsics
-    is_followed: bool = False
+    followed: Followed | None = None
     coarse: FrameFeatures | None = None
     is_new_view: bool = False
+
+    @property
+    def is_followed(self) -> bool:
+        """Whether its features are those of an earlier frame."""
+        return self.followed is not None
 
     @property
     def is_whole(self) -> bool:

@@ -10,6 +10,7 @@ from vnav.core.arrays import Array
 from vnav.core.frame import PoseEstimate, Rejected
 from vnav.core.mapping import FrameFeatures
 from vnav.features.matching import DescriptorMatcher
+from vnav.registration.followed_points import FollowedRegistration
 from vnav.registration.points3d import PointRegistration
 from vnav.tracking.pose_choice import ChosenMotions, PoseChoice, Target, TrackedFrame
 
@@ -98,8 +99,11 @@ class PoseSearch:
     ) -> tuple[FrameFeatures, FrameFeatures, PointRegistration]:
         """Features of the target and of the frame that compare, and what registers them."""
         images, camera = (target.frame.image, current.image), current.camera
-        pair = PointRegistration(camera, camera, self._config, self._matcher, images)
-        return target.frame.features_for(current), current.features, pair
+        a, followed = target.frame.features_for(current), current.followed
+        of_pair = camera, camera, self._config, self._matcher, images
+        if followed is not None and followed.source is a:
+            return a, current.features, FollowedRegistration(*of_pair, followed.rows)
+        return a, current.features, PointRegistration(*of_pair)
 
     def _rng(self, target: Target, current: TrackedFrame) -> np.random.Generator:
         return np.random.default_rng([self._seed, target.row, current.features.row])

@@ -8,7 +8,7 @@ from tests.registration.plane_views import CAMERA, Plane, speckle, view
 from vnav.config import Config, load
 from vnav.core import se3
 from vnav.core.frame import Frame, Rejected
-from vnav.core.reduced_frame import reduced
+from vnav.registration.reduction import reduced
 from vnav.tracking.ekf.camera_filter import CameraFilter, FilterImage, Followed
 from vnav.tracking.ekf.image_turn import image_turn
 

@@ -15,7 +15,6 @@ from numpy.typing import NDArray
 
 from vnav.core.camera import Camera, Intrinsics
 from vnav.core.frame import Frame
-from vnav.io.sources.specks import without_specks
 
 _SATURATED = 65535  # what 7-Scenes writes for "no depth"; no sensor measures it
 
@@ -79,10 +78,12 @@ class Rectifier:
 
     def depth_m(self, raw: StoredDepth) -> NDArray[np.float32]:
         """Depth (H, W) float32 in metres on the pixels of undistorted colour, 0 where none."""
+        from vnav.io.sources.specks import without_specks  # compiled; half a second to import
+
         if self._depth_pixels is not None:
             raw = cast(StoredDepth, cv2.remap(raw, self._depth_pixels, None, cv2.INTER_NEAREST))
-        units_per_metre = np.float32(self._camera.units_per_metre)
-        depth_m = np.where(raw == _SATURATED, np.float32(0), raw / units_per_metre)
+        depth_m = np.divide(raw, self._camera.units_per_metre, dtype=np.float32)
+        depth_m[raw == _SATURATED] = 0
         depth_m = without_specks(depth_m)
         return depth_m if self._warp is None else self._warp(depth_m)
 

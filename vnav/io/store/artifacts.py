@@ -41,6 +41,8 @@ from vnav.io.store.schemas import load_table
 
 Kind = TypeVar("Kind")
 MOST_M = 1e5  # from the origin
+PNG_FILTER, NO_FILTER = 19, 8  # OpenCV 4.11 has no names for these, and filters
+DEPTH_PNG = cv2.IMWRITE_PNG_COMPRESSION, 1, PNG_FILTER, NO_FILTER
 DEPTH_UNITS_PER_METRE = 5000  # of the keyframes' depth images: 0.2 mm steps up to 13.1 m
 
 
@@ -144,7 +146,7 @@ def save_keyframe(draft: Path, row: int, frame: Frame) -> None:
     path = draft / "keyframes"
     path.mkdir(exist_ok=True)
     _write_image(path / f"{row:06d}.jpg", color, cv2.IMWRITE_JPEG_QUALITY, 92)
-    _write_image(path / f"{row:06d}.png", depth, cv2.IMWRITE_PNG_COMPRESSION, 1)
+    _write_image(path / f"{row:06d}.png", depth, *DEPTH_PNG)
 
 
 def save_keyframe_mask(draft: Path, row: int, moving: NDArray[np.bool_]) -> None:

@@ -9,7 +9,6 @@ from numpy.typing import NDArray
 from vnav.config import Config
 from vnav.core.arrays import Array, Rows
 from vnav.core.camera import Intrinsics
-from vnav.features.description import near_depth
 from vnav.features.lifting import inverse_depth_planes
 from vnav.features.segment_test import corners
 from vnav.tracking.ekf.templates import REACH_PX, Template
@@ -101,7 +100,8 @@ def _is_free(px: NDArray[np.float32], seen_px: Array, camera: Intrinsics) -> NDA
 
 def _with_depth(px: Array, depth_m: NDArray[np.float32], config: Config) -> Corners:
     """As depth measures them; NaN where it does not, or on a depth edge."""
-    planes = inverse_depth_planes(px, near_depth(depth_m, config), config.registration)
+    farthest_m = config.odometry.max_depth_m
+    planes = inverse_depth_planes(px, depth_m, config.registration, farthest_m)
     sigma = np.full(len(px), config.registration.depth_sigma_per_m2)
     return Corners(px, planes[:, 0], sigma, planes[:, 1:])
 
