@@ -198,7 +198,7 @@ def depth_of(normal: list[float], offset: float) -> np.ndarray:
 
 def test_seen_surfaces_lie_on_the_plane_with_normals_towards_the_camera() -> None:
     # A floor 1.2 m below a level camera: y points down.
-    seen = sample_surface([depth_of([0, 1, 0], 1.2)], [CAMERA], np.eye(4)[None], 8.0)
+    seen = sample_surface([depth_of([0, 1, 0], 1.2)], [CAMERA], np.eye(4)[None])
     assert len(seen.points) > 50
     np.testing.assert_allclose(seen.points[:, 1], 1.2, atol=1e-5)  # float32 of depth
     np.testing.assert_allclose(
@@ -209,8 +209,8 @@ def test_seen_surfaces_lie_on_the_plane_with_normals_towards_the_camera() -> Non
 
 def test_a_surface_seen_again_counts_once() -> None:
     depth = depth_of([0, 0, 1], 2.0)
-    once = sample_surface([depth], [CAMERA], np.eye(4)[None], 8.0)
-    twice = sample_surface([depth] * 2, [CAMERA] * 2, np.stack([np.eye(4)] * 2), 8.0)
+    once = sample_surface([depth], [CAMERA], np.eye(4)[None])
+    twice = sample_surface([depth] * 2, [CAMERA] * 2, np.stack([np.eye(4)] * 2))
     np.testing.assert_array_equal(once.points, twice.points)
 
 
@@ -218,15 +218,15 @@ def test_no_surface_is_seen_across_a_depth_edge() -> None:
     # Half at 1 m, half at 3 m, both facing the camera: a bridge would face sideways.
     depth = depth_of([0, 0, 1], 1.0)
     depth[:, 80:] = 3.0
-    seen = sample_surface([depth], [CAMERA], np.eye(4)[None], 8.0)
+    seen = sample_surface([depth], [CAMERA], np.eye(4)[None])
     assert (seen.normals[:, 2] < -0.99).all()
     assert {round(float(z), 3) for z in seen.points[:, 2]} == {1.0, 3.0}
 
 
 def test_no_depth_gives_no_surface() -> None:
     empty = np.zeros((CAMERA.height, CAMERA.width), np.float32)
-    assert len(sample_surface([empty], [CAMERA], np.eye(4)[None], 8.0).points) == 0
-    assert len(sample_surface([], [], np.zeros((0, 4, 4)), 8.0).points) == 0
+    assert len(sample_surface([empty], [CAMERA], np.eye(4)[None]).points) == 0
+    assert len(sample_surface([], [], np.zeros((0, 4, 4))).points) == 0
 
 
 def test_a_given_world_says_where_its_floor_lies() -> None:

@@ -27,11 +27,10 @@ def sample_surface(
     depths: Iterable[NDArray[np.float32]],
     cameras: Sequence[Intrinsics],
     T_any_camera: Array,
-    max_depth_m: float,
 ) -> Surface:
     """The surface in several depth images, one point a voxel; empty where nothing is seen."""
     views = [
-        _in_image(depth, camera, T, max_depth_m)
+        _in_image(depth, camera, T)
         for depth, camera, T in zip(depths, cameras, T_any_camera, strict=True)
     ]
     both = np.concatenate([np.zeros((0, 6)), *views])
@@ -39,9 +38,7 @@ def sample_surface(
     return Surface(both[first, :3], both[first, 3:])
 
 
-def _in_image(
-    depth_m: NDArray[np.float32], camera: Intrinsics, T_any_camera: Array, max_depth_m: float
-) -> Array:
+def _in_image(depth_m: NDArray[np.float32], camera: Intrinsics, T_any_camera: Array) -> Array:
     """Points and normals (N, 6) of one depth image, where it is smooth."""
     step = max(1, camera.width // COLUMNS)
     z = depth_m[::step, ::step].astype(float)
@@ -53,7 +50,7 @@ def _in_image(
     length = np.linalg.norm(normals, axis=-1)
     around = np.stack([z[1:-1, 2:], z[1:-1, :-2], z[2:, 1:-1], z[:-2, 1:-1], z[1:-1, 1:-1]])
     smooth = (around.min(0) > 0) & (around.max(0) < 1.25 * around.min(0))
-    good = smooth & (length > 1e-9) & (around[-1] <= max_depth_m)
+    good = smooth & (length > 1e-9)
     return np.concatenate(
         [
             se3.transform(T_any_camera, middle[good]),

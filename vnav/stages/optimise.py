@@ -57,12 +57,11 @@ def run(folder: MapFolder, config: Config, *, progress: Progress = silent) -> Re
     for pair in (matches[:, :2], matches[:, 2:]):
         require_features(odometry, pair[:, 0], pair[:, 1], folder.root / "loops" / "matches.npz")
 
-    farthest = config.odometry.max_depth_m
     views = partial(load_keyframe, folder, frames=odometry.frames)
     look = SecondLook(odometry, cameras, views, config)
     depth_of = _near_depth(folder, config)
     solution = solve(odometry, closures, matches, cameras, config, progress, depth_of, look)
-    surface = _keyframe_surface(folder, solution, odometry, cameras, farthest)
+    surface = _keyframe_surface(depth_of, solution, odometry, cameras)
     rng = np.random.default_rng([config.seed, 2])
     result = place_in_world(solution, odometry, surface, rng)
 
@@ -95,19 +94,14 @@ def _near_depth(folder: MapFolder, config: Config) -> DepthOf:
 
 
 def _keyframe_surface(
-    folder: MapFolder,
-    solution: Solution,
-    odometry: Odometry,
-    cameras: Sequence[Intrinsics],
-    max_depth_m: float,
+    depth_of: DepthOf, solution: Solution, odometry: Odometry, cameras: Sequence[Intrinsics]
 ) -> Surface:
     """What the adjusted keyframes saw; their depth is read one image at a time."""
     T_any_camera = solution.adjusted.T_world_camera
     posed = np.isfinite(T_any_camera[:, 0, 0])
     rows = odometry.keyframe_rows[posed].tolist()
-    depths = (load_keyframe_depth(folder, row) for row in rows)
     of_rows = [cameras[odometry.frames.capture[row]] for row in rows]
-    return sample_surface(depths, of_rows, T_any_camera[posed], max_depth_m)
+    return sample_surface(map(depth_of, rows), of_rows, T_any_camera[posed])
 
 
 def _write_trajectories(draft: Path, odometry: Odometry, T_world_camera: Array) -> None:
