@@ -32,6 +32,7 @@ LIBRARIES = (
     "open3d",
     "open3d-cpu",
     "opencv-contrib-python-headless",
+    "scikit-learn",
     "scipy",
 )
 DECIMALS = {"m": 4, "cm": 1, "deg": 2, "ms": 1, "s": 2, "MB": 0}  # by unit; 3 digits of others

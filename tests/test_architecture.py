@@ -44,6 +44,7 @@ OWNERS = {
     "laspy": {"vnav.io.formats.las"},
     "rerun": {"vnav.io.formats.rrd"},
     "open3d": {"vnav.volumes"},
+    "sklearn": {"vnav.vocabulary"},
     "click": {"vnav.cli"},
     "distributed": {"vnav.batch"},
     "cv2": {
@@ -63,7 +64,7 @@ OWNERS = {
 ROOMS_OF_LOCATING = ("search", "hypotheses", "verification", "verdict")
 
 STAGES = ("odometry", "vocabulary", "loops", "optimise", "fuse", "index")
-HEAVY = {"open3d", "gtsam", "octomap", "numba", "matplotlib", "scipy", "distributed"}
+HEAVY = {"open3d", "sklearn", "gtsam", "octomap", "numba", "matplotlib", "scipy", "distributed"}
 
 
 def _modules() -> dict[str, Path]:

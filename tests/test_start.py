@@ -12,7 +12,7 @@ import pytest
 from vnav.cli.main import cli
 
 HEAVY = {
-    *("open3d", "gtsam", "octomap", "matplotlib", "numba", "cv2"),
+    *("open3d", "sklearn", "gtsam", "octomap", "matplotlib", "numba", "cv2"),
     *("scipy.linalg", "scipy.sparse"),
 }
 
@@ -52,11 +52,11 @@ def test_locate_loads_numba_and_opencv_alone(whole_map: Path, tiny_capture: Path
     assert loaded("locate", photo, "--map", whole_map, cwd=whole_map) == {"numba", "cv2"}
 
 
-def test_plan_loads_neither_open3d_nor_octomap(whole_map: Path, tiny_capture: Path) -> None:
+def test_plan_loads_neither_open3d_nor_sklearn(whole_map: Path, tiny_capture: Path) -> None:
     photos = tiny_capture / "photos"
     start, goal = photos / "000.jpg", photos / "001.jpg"
     heavy = loaded("plan", "--from", start, "--to", goal, "--map", whole_map, cwd=whole_map)
-    assert not heavy & {"open3d", "octomap"}
+    assert not heavy & {"open3d", "sklearn", "octomap"}
 
 
 def test_importing_vnav_loads_nothing_but_the_standard_library() -> None:

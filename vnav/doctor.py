@@ -26,6 +26,7 @@ OWNERS = {
     "gtsam": "vnav.optimisation.pose_graph",
     "octomap-python": "vnav.volumes.octree",
     "open3d": "vnav.volumes.tsdf",
+    "scikit-learn": "vnav.vocabulary",
     "threadpoolctl": "",
 }
 SMALLER_BUILDS = {"open3d": "open3d-cpu"}  # same library, same import name

@@ -1,7 +1,7 @@
 """Limits of the threads that native libraries use, what vnav's own have, and work ahead of its use.
 
-The sums of BLAS depend on the number of threads; vnav spreads frames over cores instead.
-Environment variables come too late where numpy is loaded already.
+The sums of BLAS, and the clusters of k-means, depend on the number of threads; vnav spreads frames
+over cores instead. Environment variables come too late where numpy is loaded already.
 """
 
 from collections.abc import Callable, Iterable, Iterator
@@ -67,10 +67,10 @@ class SharedLimit(ContextDecorator):
                 self._undo.pop()()
 
 
-def _one_blas_thread() -> Undo | None:
+def _one_native_thread(user_api: str) -> Undo | None:
     from threadpoolctl import ThreadpoolController
 
-    loaded = ThreadpoolController().select(user_api="blas")
+    loaded = ThreadpoolController().select(user_api=user_api)
     if all(library["num_threads"] == 1 for library in loaded.info()):
         return None
     undo: Undo = loaded.limit(limits=1).restore_original_limits
@@ -87,5 +87,6 @@ def _one_opencv_thread() -> Undo | None:
     return lambda: cv2.setNumThreads(threads)
 
 
-one_blas_thread = SharedLimit(_one_blas_thread)
+one_blas_thread = SharedLimit(lambda: _one_native_thread("blas"))
+one_openmp_thread = SharedLimit(lambda: _one_native_thread("openmp"))
 one_opencv_thread = SharedLimit(_one_opencv_thread)

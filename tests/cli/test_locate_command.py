@@ -343,7 +343,7 @@ def test_locate_loads_no_heavy_library(indexed: Path, photos: Path, tmp_path: Pa
         "import sys; from vnav.cli.main import cli\n"
         f"cli.main(['locate', {str(first_of(photos))!r}, '--map', {str(indexed)!r}],"
         " standalone_mode=False)\n"
-        "heavy = {'open3d', 'octomap', 'gtsam', 'matplotlib'}\n"
+        "heavy = {'open3d', 'sklearn', 'octomap', 'gtsam', 'matplotlib'}\n"
         "assert not heavy & set(sys.modules), heavy & set(sys.modules)"
     )
     subprocess.run([sys.executable, "-c", code], cwd=tmp_path, check=True)

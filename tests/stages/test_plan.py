@@ -518,7 +518,7 @@ def test_planning_loads_no_library_it_does_not_need(rooms: Path) -> None:
         "import sys; from vnav.cli.main import cli;"
         f" cli(['plan', '--map', {str(rooms)!r}, '--from', '0,0', '--to', '6,0'],"
         " standalone_mode=False);"
-        " heavy = {'open3d', 'gtsam', 'octomap', 'matplotlib', 'scipy.ndimage'};"
+        " heavy = {'open3d', 'sklearn', 'gtsam', 'octomap', 'matplotlib', 'scipy.ndimage'};"
         " print(sorted(heavy & sys.modules.keys()))"
     )
     shown = subprocess.run([sys.executable, "-P", "-c", code], capture_output=True, check=True)

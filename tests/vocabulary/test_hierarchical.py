@@ -6,10 +6,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from vnav import vocabulary
 from vnav.config import VocabularyConfig
 from vnav.features.sift import SPACE
 from vnav.vocabulary import train
-from vnav.vocabulary.hierarchical import MAX_ITERATIONS, _kmeans
 
 CONFIG = VocabularyConfig(branching=4, max_levels=3, min_leaf=8)
 
@@ -95,21 +95,16 @@ def test_fewer_descriptors_than_branches_are_legal() -> None:
     assert train(values, SPACE, VocabularyConfig(branching=10, min_leaf=2), 0).words == 3
 
 
-def test_a_split_is_as_tight_as_lloyd_makes_it() -> None:
-    """numpy's plain Lloyd of as many steps, from the same start: within 1 % of its distortion."""
-    values = clusters(np.random.default_rng(3), 7, 60).reshape(-1, 128).astype(np.float32)
-    start = values[:10]
-    found = _kmeans(values, start, MAX_ITERATIONS, 0.0)
-    expected = start.astype(float)
-    for _ in range(MAX_ITERATIONS):
-        label = distances(values, expected).argmin(1)
-        means = [values[label == k].mean(0) for k in range(10) if (label == k).any()]
-        expected[np.unique(label)] = means
-    assert (
-        distances(values, found).min(1).mean() <= 1.01 * distances(values, expected).min(1).mean()
+def test_the_self_test_passes() -> None:
+    vocabulary.self_test()
+
+
+def test_quantising_needs_no_sklearn() -> None:
+    code = (
+        "import sys, numpy as np; from vnav.core.tree import VocabularyTree as T;"
+        "from vnav.features.sift import SPACE;"
+        "z = np.zeros(1, np.int32);"
+        "T(np.zeros((1, 128), np.uint8), z, z, z, SPACE).quantise(np.zeros((2, 128), np.uint8));"
+        "assert 'sklearn' not in sys.modules"
     )
-
-
-def distances(values: np.ndarray, centres: np.ndarray) -> np.ndarray:
-    """Squared, (N, k)."""
-    return ((values[:, None] - centres) ** 2).sum(-1)
+    subprocess.run([sys.executable, "-c", code], check=True)

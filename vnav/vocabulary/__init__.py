@@ -9,9 +9,9 @@ from vnav.config import VocabularyConfig
 from vnav.core.descriptor_space import DescriptorSpace
 from vnav.core.tree import VocabularyTree
 from vnav.vocabulary.approximate import grow_flat
-from vnav.vocabulary.hierarchical import grow
+from vnav.vocabulary.hierarchical import grow, self_test
 
-__all__ = ["train"]
+__all__ = ["self_test", "train"]
 
 
 def train(
