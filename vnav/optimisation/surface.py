@@ -12,6 +12,7 @@ from vnav.core.camera import Intrinsics
 from vnav.volumes.cloud import voxels_of
 
 COLUMNS = 80  # of sampled pixels in an image; normals reach from one to the next
+AT_ONCE = 100_000  # points that are sorted out together, at least
 VOXEL_M = 0.05  # of the surface, so that support is area and not time spent looking
 
 
@@ -28,14 +29,23 @@ def sample_surface(
     cameras: Sequence[Intrinsics],
     T_any_camera: Array,
 ) -> Surface:
-    """The surface in several depth images, one point a voxel; empty where nothing is seen."""
-    views = [
-        _in_image(depth, camera, T)
-        for depth, camera, T in zip(depths, cameras, T_any_camera, strict=True)
-    ]
-    both = np.concatenate([np.zeros((0, 6)), *views])
-    first, _ = voxels_of(both[:, :3], VOXEL_M)
-    return Surface(both[first, :3], both[first, 3:])
+    """The surface in several depth images, one point a voxel; empty where nothing is seen.
+
+    The first one of a voxel stays. They are sorted out on the way, so that memory follows the area.
+    """
+    parts = [np.zeros((0, 6))]  # sorted out, then what came since
+    for depth, camera, T in zip(depths, cameras, T_any_camera, strict=True):
+        parts.append(_in_image(depth, camera, T))
+        if sum(map(len, parts[1:])) > max(len(parts[0]), AT_ONCE):
+            parts = [_first_of_voxels(parts)]
+    both = _first_of_voxels(parts)
+    return Surface(both[:, :3], both[:, 3:])
+
+
+def _first_of_voxels(parts: Sequence[Array]) -> Array:
+    """Points and normals (N, 6), the first of each voxel, ordered by voxel."""
+    both = np.concatenate(parts)
+    return both[voxels_of(both[:, :3], VOXEL_M)[0]]
 
 
 def _in_image(depth_m: NDArray[np.float32], camera: Intrinsics, T_any_camera: Array) -> Array:

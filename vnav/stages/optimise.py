@@ -2,10 +2,11 @@
 
 import dataclasses
 from collections.abc import Sequence
-from functools import lru_cache, partial
+from functools import partial
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from vnav.config import Config
 from vnav.core.arrays import Array
@@ -89,8 +90,21 @@ def final_verdicts(verdicts: Sequence[LoopVerdict], graph: PoseGraph) -> list[Lo
 
 
 def _near_depth(folder: MapFolder, config: Config) -> DepthOf:
-    """Reads a keyframe's depth as odometry used it: 0 where it is too far, too."""
-    return lru_cache(KEPT_IMAGES)(lambda row: near_depth(load_keyframe_depth(folder, row), config))
+    """Reads a keyframe's depth as odometry used it: 0 where it is too far, too.
+
+    The first images stay in memory: all are asked for in turn, so the last would never be there.
+    """
+    kept = dict[int, NDArray[np.float32]]()
+
+    def depth_of(row: int) -> NDArray[np.float32]:
+        if row in kept:
+            return kept[row]
+        depth_m = near_depth(load_keyframe_depth(folder, row), config)
+        if len(kept) < KEPT_IMAGES:
+            kept[row] = depth_m
+        return depth_m
+
+    return depth_of
 
 
 def _keyframe_surface(
