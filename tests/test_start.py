@@ -2,6 +2,7 @@
 
 import gc
 import json
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -57,6 +58,16 @@ def test_plan_loads_neither_open3d_nor_sklearn(whole_map: Path, tiny_capture: Pa
     start, goal = photos / "000.jpg", photos / "001.jpg"
     heavy = loaded("plan", "--from", start, "--to", goal, "--map", whole_map, cwd=whole_map)
     assert not heavy & {"open3d", "sklearn", "octomap"}
+
+
+def test_a_map_that_is_up_to_date_loads_no_open3d(
+    whole_map: Path, tiny_capture: Path, tmp_path: Path
+) -> None:
+    """Which is loaded ahead where a map is made."""
+    made = shutil.copytree(whole_map, tmp_path / "map")
+    settings = "--set", "features.max_features=700"
+    heavy = loaded("build-map", tiny_capture, "--map", made, *settings, cwd=tmp_path)
+    assert "open3d" not in heavy
 
 
 def test_importing_vnav_loads_nothing_but_the_standard_library() -> None:

@@ -4,6 +4,7 @@ The sums of BLAS, and the clusters of k-means, depend on the number of threads; 
 over cores instead. Environment variables come too late where numpy is loaded already.
 """
 
+import os
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import ContextDecorator
@@ -37,6 +38,11 @@ def made_ahead(items: Iterable[Made]) -> Iterator[Made]:
         while (item := coming.result()) is not None:
             coming = maker.submit(next, rest, None)
             yield item
+
+
+def openmp_free_pool() -> ThreadPoolExecutor:
+    """A thread a core, in which OpenMP has no others: its limit is each thread's own."""
+    return ThreadPoolExecutor(os.cpu_count(), initializer=_one_native_thread, initargs=("openmp",))
 
 
 class SharedLimit(ContextDecorator):
@@ -88,5 +94,4 @@ def _one_opencv_thread() -> Undo | None:
 
 
 one_blas_thread = SharedLimit(lambda: _one_native_thread("blas"))
-one_openmp_thread = SharedLimit(lambda: _one_native_thread("openmp"))
 one_opencv_thread = SharedLimit(_one_opencv_thread)

@@ -10,7 +10,7 @@ from vnav.core import se3
 from vnav.core.camera import Intrinsics
 from vnav.core.frame import Edge
 from vnav.optimisation import bundle
-from vnav.optimisation.bundle_graph import BundleProblem
+from vnav.optimisation.bundle_problem import BundleProblem
 from vnav.optimisation.calibrating_step import calibrating_step
 from vnav.optimisation.self_calibration import PRIOR_SIGMAS
 from vnav.optimisation.sensor_model import Bundle, Observations, SensorModel

@@ -11,7 +11,7 @@ from vnav.core.camera import Intrinsics
 from vnav.core.frame import Edge, Features
 from vnav.core.mapping import FrameFeatures
 from vnav.features.sift import SPACE
-from vnav.optimisation.bundle_graph import PosePrior
+from vnav.optimisation.bundle_problem import PosePrior
 from vnav.optimisation.feature_tracks import FeatureTracks, merged
 from vnav.optimisation.landmarks import AdjustedBundle, adjust_landmarks
 from vnav.optimisation.sensor_model import SensorModel

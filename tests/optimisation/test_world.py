@@ -7,9 +7,11 @@ Surfaces lie 1 cm off at random. Thousands of points on a floor of some metres k
 import numpy as np
 import pytest
 
+from vnav.config import Config
 from vnav.core import se3
 from vnav.core.camera import Intrinsics
 from vnav.core.mapping import World
+from vnav.features.description import near_depth
 from vnav.optimisation.surface import Surface, sample_surface
 from vnav.optimisation.world import align_to_previous, existing_world, find_world
 
@@ -198,19 +200,20 @@ def depth_of(normal: list[float], offset: float) -> np.ndarray:
 
 def test_seen_surfaces_lie_on_the_plane_with_normals_towards_the_camera() -> None:
     # A floor 1.2 m below a level camera: y points down.
-    seen = sample_surface([depth_of([0, 1, 0], 1.2)], [CAMERA], np.eye(4)[None], 8.0)
+    near = near_depth(depth_of([0, 1, 0], 1.2), Config())
+    seen = sample_surface([near], [CAMERA], np.eye(4)[None])
     assert len(seen.points) > 50
     np.testing.assert_allclose(seen.points[:, 1], 1.2, atol=1e-5)  # float32 of depth
     np.testing.assert_allclose(
         seen.normals, np.broadcast_to([0, -1, 0], seen.normals.shape), atol=1e-4
     )
-    assert seen.points[:, 2].max() <= 8.0
+    assert seen.points[:, 2].max() <= Config().odometry.max_depth_m
 
 
 def test_a_surface_seen_again_counts_once() -> None:
     depth = depth_of([0, 0, 1], 2.0)
-    once = sample_surface([depth], [CAMERA], np.eye(4)[None], 8.0)
-    twice = sample_surface([depth] * 2, [CAMERA] * 2, np.stack([np.eye(4)] * 2), 8.0)
+    once = sample_surface([depth], [CAMERA], np.eye(4)[None])
+    twice = sample_surface([depth] * 2, [CAMERA] * 2, np.stack([np.eye(4)] * 2))
     np.testing.assert_array_equal(once.points, twice.points)
 
 
@@ -218,15 +221,15 @@ def test_no_surface_is_seen_across_a_depth_edge() -> None:
     # Half at 1 m, half at 3 m, both facing the camera: a bridge would face sideways.
     depth = depth_of([0, 0, 1], 1.0)
     depth[:, 80:] = 3.0
-    seen = sample_surface([depth], [CAMERA], np.eye(4)[None], 8.0)
+    seen = sample_surface([depth], [CAMERA], np.eye(4)[None])
     assert (seen.normals[:, 2] < -0.99).all()
     assert {round(float(z), 3) for z in seen.points[:, 2]} == {1.0, 3.0}
 
 
 def test_no_depth_gives_no_surface() -> None:
     empty = np.zeros((CAMERA.height, CAMERA.width), np.float32)
-    assert len(sample_surface([empty], [CAMERA], np.eye(4)[None], 8.0).points) == 0
-    assert len(sample_surface([], [], np.zeros((0, 4, 4)), 8.0).points) == 0
+    assert len(sample_surface([empty], [CAMERA], np.eye(4)[None]).points) == 0
+    assert len(sample_surface([], [], np.zeros((0, 4, 4))).points) == 0
 
 
 def test_a_given_world_says_where_its_floor_lies() -> None:
@@ -278,3 +281,15 @@ def test_a_given_world_in_which_no_floor_is_seen_says_so() -> None:
     world = existing_world(World("cameras", 0, None), np.eye(4), np.eye(4), "given")
     assert (world.source, world.floor_z_m, world.floor_tilt_deg) == ("given", None, None)
     assert world.doubt.startswith("no floor was seen")
+
+
+def test_a_surface_is_the_same_however_much_is_sorted_out_at_once(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    depths = [depth_of([0, 0.1 * k, 1], 1.0 + 0.2 * k) for k in range(6)]
+    poses = np.stack([se3.make(np.eye(3), [0.3 * k, 0, 0]) for k in range(6)])
+    whole = sample_surface(depths, [CAMERA] * 6, poses)
+    monkeypatch.setattr("vnav.optimisation.surface.AT_ONCE", 1)
+    part = sample_surface(depths, [CAMERA] * 6, poses)
+    np.testing.assert_array_equal(part.points, whole.points)
+    np.testing.assert_array_equal(part.normals, whole.normals)

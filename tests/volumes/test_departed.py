@@ -1,12 +1,14 @@
 """A wall, and a board before it that stays, leaves or comes; three keyframes decide."""
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 import pytest
 
 from vnav.core import se3
 from vnav.core.camera import Intrinsics
+from vnav.volumes import departed as module
 from vnav.volumes.departed import DepthHistory, seen_depth
 
 CAMERA = Intrinsics(320, 240, 260.0, 260.0, 159.5, 119.5)
@@ -28,11 +30,11 @@ def depth(board: bool, right_m: float, width_m: float = WIDTH_M, noisy: bool = T
 
 def history(*images: np.ndarray, off_m: float = 0.0, needed: int = NEEDED) -> DepthHistory:
     """Of images taken from SIDES_M in turn, whose poses are off to the right."""
-    found = DepthHistory(SIGMA_PER_M2, SLACK_M, needed)
-    for k, image in enumerate(images):
-        T_world_camera = pose(SIDES_M[k % len(SIDES_M)] + off_m * (k > 0))
-        found.add(seen_depth(image, CAMERA, T_world_camera))
-    return found
+    seen = [
+        seen_depth(image, CAMERA, pose(SIDES_M[k % len(SIDES_M)] + off_m * (k > 0)))
+        for k, image in enumerate(images)
+    ]
+    return DepthHistory(seen, SIGMA_PER_M2, SLACK_M, needed)
 
 
 def pose(right_m: float) -> np.ndarray:
@@ -126,3 +128,30 @@ def test_what_is_out_of_view_stays() -> None:
     behind = on_board() * (1, 1, -1)
     assert not departed(found, behind).any()
     assert not departed(found, on_board() + [5.0, 0, 0]).any()
+
+
+def asked(monkeypatch: pytest.MonkeyPatch, found: DepthHistory, points: np.ndarray) -> list[int]:
+    """Which keyframes are asked what has departed of the first one's points."""
+    numbers, look_back = list[int](), module._look_back
+
+    def told(*arguments: Any) -> int:
+        numbers.append(arguments[3])
+        return int(look_back(*arguments))
+
+    monkeypatch.setattr(module, "_look_back", told)
+    departed(found, points)
+    return numbers
+
+
+def test_where_the_last_keyframe_sees_all_no_other_is_asked(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    found = history(*seen([True] * 9))
+    assert asked(monkeypatch, found, inside(on_board(0.2))) == [8]
+
+
+def test_keyframes_that_are_elsewhere_are_not_asked(monkeypatch: pytest.MonkeyPatch) -> None:
+    """They stand 20 m behind or before it, and see 3 m far."""
+    found = history(*seen([True] * 3))
+    for beyond in (on_board() + [0, 0, 20.0], on_board() - [0, 0, 20.0]):
+        assert asked(monkeypatch, found, beyond) == []

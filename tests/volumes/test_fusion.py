@@ -30,10 +30,12 @@ def views(name: str) -> list[PosedFrame]:
 
 
 def history(frames: list[PosedFrame]) -> DepthHistory:
-    found = DepthHistory(CONFIG.registration.depth_sigma_per_m2, CELL_M, CONFIG.fuse.departed_after)
-    for view in frames:
-        found.add(seen_depth(view.frame.depth_m, view.frame.intrinsics, view.T_world_camera))
-    return found
+    seen = [
+        seen_depth(view.frame.depth_m, view.frame.intrinsics, view.T_world_camera)
+        for view in frames
+    ]
+    sigma_per_m2, needed = CONFIG.registration.depth_sigma_per_m2, CONFIG.fuse.departed_after
+    return DepthHistory(seen, sigma_per_m2, CELL_M, needed)
 
 
 @pytest.fixture(scope="module")

@@ -1,21 +1,20 @@
 """Bundle adjustment of keyframes and landmarks: the optimum and its covariance; claim 3, S7."""
 
-import gtsam
+from contextlib import suppress
+from dataclasses import dataclass
+
 import numpy as np
+from numpy.linalg import LinAlgError
 
 from vnav.core.arrays import Array
-from vnav.optimisation.bundle_graph import (
-    BundleProblem,
-    add_weak_priors,
-    factor_graph,
-    landmarks_first,
-    point_key,
-    pose_key,
-)
+from vnav.optimisation.bundle_problem import BundleProblem
+from vnav.optimisation.normal_equations import NormalEquations, Numbering
+from vnav.optimisation.pose_terms import PoseTerms
 from vnav.optimisation.sensor_model import Bundle
 
 UNKNOWN_SIGMA = 1.0  # rad, m: of what nothing determines; all that is determined is far better
 CONVERGED = 1e-3  # relative decrease of the error; a hundredth of it moves no pose by 0.1 mm
+DAMPING, MOST_DAMPING, DAMPED_MORE = 1e-5, 1e5, 10.0  # information of rad and m; its growth
 
 
 def adjust(
@@ -24,25 +23,25 @@ def adjust(
     """Poses and points that explain all observations best; the first camera stays where it is.
 
     With a prior on the cameras, none is fixed but by it; if the prior is fixed, only points move.
-    A stereo factor with a virtual baseline gives depth noise that grows with depth squared;
-    observations without depth are plain projections. Levenberg-Marquardt with a Cauchy kernel,
-    until a step takes less than ``tolerance`` of the error; deterministic. Without observations
-    and edges nothing moves.
+    Noise of inverse depth is the same at every depth; observations without depth are plain
+    projections. Levenberg-Marquardt with a Cauchy kernel, until a step takes less than
+    ``tolerance`` of the error; deterministic. Without observations and edges nothing moves.
     """
     if not len(problem.cameras):
         return initial
-    graph, values = factor_graph(problem, initial)
-    params = gtsam.LevenbergMarquardtParams()
-    params.setMaxIterations(iterations)
-    params.setRelativeErrorTol(tolerance)
-    params.setOrdering(landmarks_first(problem))
-    values = gtsam.LevenbergMarquardtOptimizer(graph, values, params).optimize()
-    poses, points = initial.T_world_camera.copy(), initial.points_world.copy()
-    for k in () if problem.prior and problem.prior.fixed else problem.cameras:
-        poses[k] = values.atPose3(pose_key(k)).matrix()
-    for n in problem.landmarks:
-        points[n] = values.atPoint3(point_key(n))
-    return Bundle(poses, points)
+    search, bundle = _Search.of(problem, initial), initial
+    cost, damping = search.cost(initial), DAMPING
+    for _ in range(iterations):
+        step = search.step(bundle, cost, damping)
+        if step is None:
+            break
+        bundle, before, cost = step.bundle, cost, step.cost
+        damping = max(step.damping / DAMPED_MORE, DAMPING)
+        if before - cost <= tolerance * before:
+            break
+    if problem.prior and problem.prior.fixed:
+        return Bundle(initial.T_world_camera, bundle.points_world)
+    return bundle
 
 
 def covariances(bundle: Bundle, problem: BundleProblem) -> Array:
@@ -58,17 +57,56 @@ def covariances(bundle: Bundle, problem: BundleProblem) -> Array:
     found = np.full((cameras, 6, 6), np.nan)
     if not len(problem.cameras):
         return found
-    marginals = _marginals(problem, bundle)
-    for k in problem.cameras:
-        found[k] = marginals.marginalCovariance(pose_key(k))
+    normal, _ = _Search.of(problem, bundle).equations(bundle)
+    try:
+        found[problem.cameras] = normal.reduced(0.0, 0.0).covariance()
+    except LinAlgError:
+        weak = UNKNOWN_SIGMA**-2
+        found[problem.cameras] = normal.reduced(weak, weak).covariance()
     return found
 
 
-def _marginals(problem: BundleProblem, bundle: Bundle) -> gtsam.Marginals:
-    """Marginals at a bundle; of a singular system, with weak priors on all that it has."""
-    graph, values = factor_graph(problem, bundle)
-    try:
-        return gtsam.Marginals(graph, values)
-    except RuntimeError:  # gtsam's IndeterminateSystemException
-        add_weak_priors(graph, problem, bundle, UNKNOWN_SIGMA)
-        return gtsam.Marginals(graph, values)
+@dataclass(frozen=True)
+class _Search:
+    """For the optimum of a problem."""
+
+    problem: BundleProblem
+    numbering: Numbering
+    terms: PoseTerms
+
+    @staticmethod
+    def of(problem: BundleProblem, initial: Bundle) -> "_Search":
+        return _Search(problem, Numbering(problem), PoseTerms.of(problem, initial))
+
+    def cost(self, bundle: Bundle) -> float:
+        """What is to be least: the cost of all residuals."""
+        return self.problem.model.cost(bundle, self.problem.seen) + self.terms.cost(bundle)
+
+    def step(self, bundle: Bundle, cost: float, damping: float) -> "_Step | None":
+        """One that lessens the cost, damped as much as that takes; None where none does."""
+        normal, right = self.equations(bundle)
+        while damping <= MOST_DAMPING:
+            with suppress(LinAlgError):
+                solved = normal.reduced(damping, damping).solve(*right)
+                moved = normal.moved(bundle, solved, np.ones(1))
+                if (less := self.cost(moved)) < cost:
+                    return _Step(moved, less, damping)
+            damping *= DAMPED_MORE
+        return None
+
+    def equations(self, bundle: Bundle) -> tuple[NormalEquations, tuple[Array, Array]]:
+        """The normal equations at a bundle, and their right sides (K, 6, 1) and (L, 3, 1)."""
+        residuals, of_camera, of_point, _ = self.problem.model.weighted(bundle, self.problem.seen)
+        normal = NormalEquations(self.numbering, of_camera, of_point)
+        of_cameras, of_points = normal.right(residuals[..., None])
+        of_cameras[..., 0] += normal.add(self.terms, bundle)
+        return normal, (of_cameras, of_points)
+
+
+@dataclass(frozen=True)
+class _Step:
+    """Where a step leads, what is left there, and the information by which it was damped."""
+
+    bundle: Bundle
+    cost: float
+    damping: float

@@ -11,7 +11,7 @@ from vnav.core.arrays import Array, Rows
 from vnav.core.frame import Edge
 from vnav.core.mapping import Landmarks
 from vnav.optimisation.bundle import adjust, covariances
-from vnav.optimisation.bundle_graph import PosePrior
+from vnav.optimisation.bundle_problem import PosePrior
 from vnav.optimisation.feature_tracks import FeatureTracks
 from vnav.optimisation.focal_length import FocalLength, focal_lengths
 from vnav.optimisation.observation_selection import ObservationSelection, move_unshared_points

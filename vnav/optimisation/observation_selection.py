@@ -8,7 +8,7 @@ from scipy.sparse import csr_array
 
 from vnav.core.arrays import Rows
 from vnav.core.frame import Edge
-from vnav.optimisation.bundle_graph import BundleProblem, PosePrior
+from vnav.optimisation.bundle_problem import BundleProblem, PosePrior
 from vnav.optimisation.feature_tracks import FeatureTracks
 from vnav.optimisation.sensor_model import Bundle, Observations, SensorModel
 

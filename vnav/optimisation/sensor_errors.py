@@ -4,7 +4,9 @@ A camera that moves by a twist sees a point move over its image: the optical flo
 and Prazdny 1980. A row that is exposed later, or depth that is measured later, sees it elsewhere.
 """
 
+import os
 from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import astuple, dataclass, replace
 
 import numpy as np
@@ -146,15 +148,23 @@ class MovingSensor:
 
     def views(self) -> Iterator[MovingView]:
         """The keyframes one by one, with their depth."""
-        columns = zip(self._keyframes, self._intrinsics, self._twists, strict=True)
-        for keyframe, intrinsics, twist in columns:
-            yield MovingView(keyframe, self._depth_of(keyframe.row), intrinsics, twist)
+        return map(self._view, range(len(self._keyframes)))
 
     def readings(self, errors: SensorErrors) -> Readings:
         """What the features of all keyframes would show, had the sensor no errors."""
-        parts = [view.readings(errors, self.config) for view in self.views()]
+
+        def of_view(k: int) -> Readings:
+            return self._view(k).readings(errors, self.config)
+
+        with ThreadPoolExecutor(os.cpu_count()) as pool:
+            parts = list(pool.map(of_view, range(len(self._keyframes))))
         columns = zip(*(vars(part).values() for part in parts), strict=True)
         return Readings(*(np.concatenate(column) for column in columns))
+
+    def _view(self, k: int) -> MovingView:
+        keyframe = self._keyframes[k]
+        depth_m = self._depth_of(keyframe.row)
+        return MovingView(keyframe, depth_m, self._intrinsics[k], self._twists[k])
 
 
 def _filled(inverse: Array) -> Array:

@@ -13,8 +13,10 @@ from vnav.core import se3
 from vnav.core.arrays import Array
 from vnav.core.camera import Intrinsics
 from vnav.core.robust import robust_sigma
+from vnav.optimisation.linearisation import NEAREST_M, linearise
 
 CAUCHY_SIGMAS = 2.0
+UNSEEN = 1e6  # squared residual that a point behind its camera counts for
 ENOUGH_SIGHTINGS = 3  # of a landmark: two leave little over to tell noise from
 ENOUGH_RESIDUALS = 100  # of such landmarks; fewer tell no noise
 LEAST_PIXEL_SIGMA, LEAST_DEPTH_SIGMA = 0.1, 1e-4  # a perfect capture would divide by zero
@@ -73,7 +75,7 @@ class SensorModel:
         long = track_length >= ENOUGH_SIGHTINGS
         if long.sum() < ENOUGH_RESIDUALS:
             return self
-        p, _ = self._in_camera(bundle, seen[long])
+        p = self._in_camera(bundle, seen[long])
         left = np.sqrt(1 - (1 / track_length[long]).mean())
         off = self._reprojection(p, seen[long])
         d = 1 / p[:, 2] - seen.inverse_depth[long]
@@ -86,8 +88,8 @@ class SensorModel:
 
     def squared_residuals(self, bundle: Bundle, seen: Observations) -> Array:
         """Squared residuals (M,) in standard deviations; infinite behind the camera."""
-        p, _ = self._in_camera(bundle, seen)
-        front = p[:, 2] > 0.05
+        p = self._in_camera(bundle, seen)
+        front = p[:, 2] > NEAREST_M
         w = 1 / np.where(front, p[:, 2], 1.0)
         off = self._reprojection(p, seen)
         d = np.nan_to_num(w - seen.inverse_depth)
@@ -96,18 +98,14 @@ class SensorModel:
 
     def cost(self, bundle: Bundle, seen: Observations) -> float:
         """Half the sum of squared residuals under the kernel that `bundle.adjust` minimises."""
-        width = CAUCHY_SIGMAS**2
-        return float(width / 2 * np.log1p(self.squared_residuals(bundle, seen) / width).sum())
-
-    def weights(self, squared: Array) -> Array:
-        """What squared residuals (M,) weigh under that kernel, from 0 to 1."""
-        return np.asarray(1 / (1 + squared / CAUCHY_SIGMAS**2))
+        width, squared = CAUCHY_SIGMAS**2, self.squared_residuals(bundle, seen)
+        return float(width / 2 * np.log1p(np.minimum(squared, UNSEEN) / width).sum())
 
     def rms_px(self, bundle: Bundle, seen: Observations) -> float:
         """Root mean square reprojection error; NaN without observations."""
         if not len(seen):
             return float("nan")
-        off = self._reprojection(self._in_camera(bundle, seen)[0], seen)
+        off = self._reprojection(self._in_camera(bundle, seen), seen)
         return float(np.sqrt((off**2).sum(1).mean()))
 
     def point_sigmas(self, bundle: Bundle, seen: Observations) -> Array:
@@ -134,25 +132,26 @@ class SensorModel:
         And the derivatives of what it shows by the camera's tangent (M, 3, 6) and by the point
         (M, 3, 3). Without depth the third rows are 0.
         """
-        p, R = self._in_camera(bundle, seen)
-        w, k = 1 / p[:, 2], self._fx_fy_cx_cy[seen.camera]
-        missing = ~np.isfinite(seen.inverse_depth)
-        residuals = np.column_stack([-self._reprojection(p, seen), seen.inverse_depth - w])
-        J = np.zeros((len(p), 3, 3))
-        J[:, 0, 0], J[:, 1, 1], J[:, 2, 2] = k[:, 0] * w, k[:, 1] * w, -(w**2)
-        J[:, :2, 2] = -k[:, :2] * p[:, :2] * w[:, None] ** 2
-        residuals[missing, 2], J[missing, 2] = 0, 0
-        J /= self.sigmas[:, None]
-        of_camera = np.concatenate([J @ se3.hat(p), -J], 2)
-        return residuals / self.sigmas, of_camera, J @ R
+        measured = np.column_stack([seen.px, seen.inverse_depth])
+        T, points = se3.inverse(bundle.T_world_camera), bundle.points_world
+        rows = seen.camera, seen.landmark
+        return linearise(T, points, *rows, measured, self._fx_fy_cx_cy, self.sigmas)
 
-    def _in_camera(self, bundle: Bundle, seen: Observations) -> tuple[Array, Array]:
-        """Points (M, 3) in their cameras, and rotations (M, 3, 3) from the world."""
+    def weighted(self, bundle: Bundle, seen: Observations) -> tuple[Array, Array, Array, Array]:
+        """The same three, weighted by the kernel; and the square roots of the weights (M,)."""
+        found = self.linearised(bundle, seen)
+        root = np.sqrt(1 / (1 + (found[0] ** 2).sum(1) / CAUCHY_SIGMAS**2))
+        for values in found:
+            values *= root.reshape(-1, *(1,) * (values.ndim - 1))
+        return (*found, root)
+
+    def _in_camera(self, bundle: Bundle, seen: Observations) -> Array:
+        """Points (M, 3) in their cameras."""
         T = se3.inverse(bundle.T_world_camera)[seen.camera]
         points = bundle.points_world[seen.landmark]
-        return (T[:, :3, :3] @ points[:, :, None])[..., 0] + T[:, :3, 3], T[:, :3, :3]
+        return np.asarray((T[:, :3, :3] @ points[:, :, None])[..., 0] + T[:, :3, 3])
 
     def _reprojection(self, points_camera: Array, seen: Observations) -> Array:
         k = self._fx_fy_cx_cy[seen.camera]
-        z = np.where(points_camera[:, 2] > 0.05, points_camera[:, 2], 1.0)
+        z = np.where(points_camera[:, 2] > NEAREST_M, points_camera[:, 2], 1.0)
         return np.asarray(k[:, :2] * points_camera[:, :2] / z[:, None] + k[:, 2:] - seen.px)

@@ -14,7 +14,7 @@ from vnav.core.frame import Edge
 from vnav.core.mapping import Odometry
 from vnav.core.progress import Progress, silent
 from vnav.optimisation import pose_graph
-from vnav.optimisation.bundle_graph import PosePrior
+from vnav.optimisation.bundle_problem import PosePrior
 from vnav.optimisation.camera_motion import velocities
 from vnav.optimisation.culling import needed_keyframes
 from vnav.optimisation.displacement import displacements, without_displacement

@@ -6,7 +6,7 @@ import numpy as np
 
 from vnav.core.mapping import Odometry, OptimisedMap
 from vnav.core.report import Report
-from vnav.optimisation.bundle_graph import PosePrior
+from vnav.optimisation.bundle_problem import PosePrior
 from vnav.optimisation.landmarks import AdjustedBundle
 from vnav.optimisation.mending import CUT, LEFT_OUT, REGISTERED_AGAIN
 from vnav.optimisation.self_calibration import SensorCalibration

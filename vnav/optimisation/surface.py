@@ -12,6 +12,7 @@ from vnav.core.camera import Intrinsics
 from vnav.volumes.cloud import voxels_of
 
 COLUMNS = 80  # of sampled pixels in an image; normals reach from one to the next
+AT_ONCE = 100_000  # points that are sorted out together, at least
 VOXEL_M = 0.05  # of the surface, so that support is area and not time spent looking
 
 
@@ -27,21 +28,27 @@ def sample_surface(
     depths: Iterable[NDArray[np.float32]],
     cameras: Sequence[Intrinsics],
     T_any_camera: Array,
-    max_depth_m: float,
 ) -> Surface:
-    """The surface in several depth images, one point a voxel; empty where nothing is seen."""
-    views = [
-        _in_image(depth, camera, T, max_depth_m)
-        for depth, camera, T in zip(depths, cameras, T_any_camera, strict=True)
-    ]
-    both = np.concatenate([np.zeros((0, 6)), *views])
-    first, _ = voxels_of(both[:, :3], VOXEL_M)
-    return Surface(both[first, :3], both[first, 3:])
+    """The surface in several depth images, one point a voxel; empty where nothing is seen.
+
+    The first one of a voxel stays. They are sorted out on the way, so that memory follows the area.
+    """
+    parts = [np.zeros((0, 6))]  # sorted out, then what came since
+    for depth, camera, T in zip(depths, cameras, T_any_camera, strict=True):
+        parts.append(_in_image(depth, camera, T))
+        if sum(map(len, parts[1:])) > max(len(parts[0]), AT_ONCE):
+            parts = [_first_of_voxels(parts)]
+    both = _first_of_voxels(parts)
+    return Surface(both[:, :3], both[:, 3:])
 
 
-def _in_image(
-    depth_m: NDArray[np.float32], camera: Intrinsics, T_any_camera: Array, max_depth_m: float
-) -> Array:
+def _first_of_voxels(parts: Sequence[Array]) -> Array:
+    """Points and normals (N, 6), the first of each voxel, ordered by voxel."""
+    both = np.concatenate(parts)
+    return both[voxels_of(both[:, :3], VOXEL_M)[0]]
+
+
+def _in_image(depth_m: NDArray[np.float32], camera: Intrinsics, T_any_camera: Array) -> Array:
     """Points and normals (N, 6) of one depth image, where it is smooth."""
     step = max(1, camera.width // COLUMNS)
     z = depth_m[::step, ::step].astype(float)
@@ -53,7 +60,7 @@ def _in_image(
     length = np.linalg.norm(normals, axis=-1)
     around = np.stack([z[1:-1, 2:], z[1:-1, :-2], z[2:, 1:-1], z[:-2, 1:-1], z[1:-1, 1:-1]])
     smooth = (around.min(0) > 0) & (around.max(0) < 1.25 * around.min(0))
-    good = smooth & (length > 1e-9) & (around[-1] <= max_depth_m)
+    good = smooth & (length > 1e-9)
     return np.concatenate(
         [
             se3.transform(T_any_camera, middle[good]),

@@ -1,6 +1,7 @@
 """From captures to a finished map: claim 3, every stage in its turn."""
 
 from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
@@ -123,12 +124,16 @@ def run_stages(
 ) -> list[Report]:
     """Run those of some stages after odometry that are not up to date; their reports in order.
 
-    What those before have freed is returned first.
+    What those before have freed is returned first. Open3D is loaded while a stage computes that
+    leaves a core to it.
     """
-    modules, reports = [import_module(f"vnav.stages.{stage}") for stage in stages], []
-    for module in modules:
-        return_freed()
-        reports.append(module.run(folder, config, progress=progress))
+    modules, reports = [import_module(f"vnav.stages.{stage}") for stage in stages], list[Report]()
+    with ThreadPoolExecutor(1) as loader:
+        for stage, module in zip(stages, modules, strict=True):
+            return_freed()
+            if stage == "optimise" and not all(report.reused for report in reports):
+                loader.submit(import_module, "vnav.volumes.tsdf")
+            reports.append(module.run(folder, config, progress=progress))
     return reports
 
 

@@ -116,11 +116,9 @@ class PosedFrames:
     def history(self, config: Config) -> DepthHistory:
         """Their depth in order, which tells what has departed."""
         sigma_per_m2, fuse = config.registration.depth_sigma_per_m2, config.fuse
-        history = DepthHistory(sigma_per_m2, fuse.octree_m, fuse.departed_after)
         with ThreadPoolExecutor(os.cpu_count()) as pool:
-            for seen in pool.map(self._seen, self._rows):
-                history.add(seen)
-        return history
+            seen = pool.map(self._seen, self._rows)
+            return DepthHistory(seen, sigma_per_m2, fuse.octree_m, fuse.departed_after)
 
     def _seen(self, row: int) -> SeenDepth:
         camera = self._cameras[self._frames.capture[row]]

@@ -2,10 +2,11 @@
 
 import dataclasses
 from collections.abc import Sequence
-from functools import lru_cache, partial
+from functools import partial
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from vnav.config import Config
 from vnav.core.arrays import Array
@@ -57,12 +58,11 @@ def run(folder: MapFolder, config: Config, *, progress: Progress = silent) -> Re
     for pair in (matches[:, :2], matches[:, 2:]):
         require_features(odometry, pair[:, 0], pair[:, 1], folder.root / "loops" / "matches.npz")
 
-    farthest = config.odometry.max_depth_m
     views = partial(load_keyframe, folder, frames=odometry.frames)
     look = SecondLook(odometry, cameras, views, config)
     depth_of = _near_depth(folder, config)
     solution = solve(odometry, closures, matches, cameras, config, progress, depth_of, look)
-    surface = _keyframe_surface(folder, solution, odometry, cameras, farthest)
+    surface = _keyframe_surface(depth_of, solution, odometry, cameras)
     rng = np.random.default_rng([config.seed, 2])
     result = place_in_world(solution, odometry, surface, rng)
 
@@ -90,24 +90,32 @@ def final_verdicts(verdicts: Sequence[LoopVerdict], graph: PoseGraph) -> list[Lo
 
 
 def _near_depth(folder: MapFolder, config: Config) -> DepthOf:
-    """Reads a keyframe's depth as odometry used it: 0 where it is too far, too."""
-    return lru_cache(KEPT_IMAGES)(lambda row: near_depth(load_keyframe_depth(folder, row), config))
+    """Reads a keyframe's depth as odometry used it: 0 where it is too far, too.
+
+    The first images stay in memory: all are asked for in turn, so the last would never be there.
+    """
+    kept = dict[int, NDArray[np.float32]]()
+
+    def depth_of(row: int) -> NDArray[np.float32]:
+        if row in kept:
+            return kept[row]
+        depth_m = near_depth(load_keyframe_depth(folder, row), config)
+        if len(kept) < KEPT_IMAGES:
+            kept[row] = depth_m
+        return depth_m
+
+    return depth_of
 
 
 def _keyframe_surface(
-    folder: MapFolder,
-    solution: Solution,
-    odometry: Odometry,
-    cameras: Sequence[Intrinsics],
-    max_depth_m: float,
+    depth_of: DepthOf, solution: Solution, odometry: Odometry, cameras: Sequence[Intrinsics]
 ) -> Surface:
     """What the adjusted keyframes saw; their depth is read one image at a time."""
     T_any_camera = solution.adjusted.T_world_camera
     posed = np.isfinite(T_any_camera[:, 0, 0])
     rows = odometry.keyframe_rows[posed].tolist()
-    depths = (load_keyframe_depth(folder, row) for row in rows)
     of_rows = [cameras[odometry.frames.capture[row]] for row in rows]
-    return sample_surface(depths, of_rows, T_any_camera[posed], max_depth_m)
+    return sample_surface(map(depth_of, rows), of_rows, T_any_camera[posed])
 
 
 def _write_trajectories(draft: Path, odometry: Odometry, T_world_camera: Array) -> None:

@@ -10,10 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vnav.config import VocabularyConfig
+from vnav.core.arrays import Rows
 from vnav.core.descriptor_space import DescriptorSpace
 from vnav.core.tree import VocabularyTree
 from vnav.errors import VnavError
-from vnav.threads import one_blas_thread, one_openmp_thread
+from vnav.threads import one_blas_thread, openmp_free_pool
 
 MAX_ITERATIONS = 12  # of k-means at one node; an approximate tree quantises as well as an exact one
 
@@ -27,12 +28,9 @@ def grow(
     """Each node split by k-means, down to the words, which are the leaves."""
     import sklearn.cluster  # the limit of threads reaches only libraries that are loaded
 
-    trusted = sklearn.config_context(assume_finite=True, skip_parameter_validation=True)
-    with (
-        one_blas_thread,
-        one_openmp_thread,
-        trusted,
-    ):  # checks take a third of the time of a small node
+    unsettled = sklearn.exceptions.ConvergenceWarning  # identical descriptors: fewer clusters
+    with one_blas_thread, warnings.catch_warnings():
+        warnings.simplefilter("ignore", unsettled)
         return _grown(descriptors, space, config, rng)
 
 
@@ -54,23 +52,33 @@ def _grown(
     config: VocabularyConfig,
     rng: np.random.Generator,
 ) -> VocabularyTree:
-    """Split nodes breadth first, so that children lie side by side and levels ascend."""
+    """Split nodes level by level, so that children lie side by side and levels ascend.
+
+    The nodes of a level are split side by side; what is drawn for them is drawn in their order.
+    """
     root = np.zeros((1, space.width), space.dtype)
     centres, first_child, children, level = [root], [0], [0], [0]
-    queue = [(0, np.arange(len(descriptors)))]
-    for node, members in queue:
-        if level[node] == config.max_levels or len(members) < config.min_leaf:
-            continue
-        means, label = _split(descriptors[members], space, config.branching, rng)
-        if len(means) < 2:
-            continue
-        first_child[node], children[node] = len(level), len(means)
-        for k in range(len(means)):
-            queue.append((len(level), members[label == k]))
-            first_child.append(0)
-            children.append(0)
-            level.append(level[node] + 1)
-        centres.append(means)
+    nodes = [(0, np.arange(len(descriptors)))]
+
+    def split(members: Rows, first: Rows) -> tuple[NDArray[Any], Rows]:
+        return _split(descriptors[members], first, space)
+
+    with openmp_free_pool() as pool:
+        for depth in range(1, config.max_levels + 1):
+            large = [(node, members) for node, members in nodes if len(members) >= config.min_leaf]
+            members_of = [members for _, members in large]
+            firsts = [_drawn(len(members), config.branching, rng) for members in members_of]
+            splits = pool.map(split, members_of, firsts)
+            nodes = []
+            for (node, members), (means, label) in zip(large, splits, strict=True):
+                if len(means) < 2:
+                    continue
+                first_child[node], children[node] = len(level), len(means)
+                nodes += [(len(level) + k, members[label == k]) for k in range(len(means))]
+                first_child += [0] * len(means)
+                children += [0] * len(means)
+                level += [depth] * len(means)
+                centres.append(means)
     return VocabularyTree(
         np.concatenate(centres),
         np.array(first_child, np.int32),
@@ -80,21 +88,25 @@ def _grown(
     )
 
 
+def _drawn(count: int, branching: int, rng: np.random.Generator) -> Rows:
+    """Rows of the descriptors that k-means starts from."""
+    return rng.choice(count, min(branching, count), replace=False)
+
+
 def _split(
-    descriptors: NDArray[Any], space: DescriptorSpace, branching: int, rng: np.random.Generator
-) -> tuple[NDArray[Any], NDArray[np.intp]]:
-    """Means (k, D) of at most ``branching`` non-empty clusters, and each descriptor's cluster.
+    descriptors: NDArray[Any], first: Rows, space: DescriptorSpace
+) -> tuple[NDArray[Any], Rows]:
+    """Means (k, D) of clusters that are not empty, and the cluster (N,) of each descriptor.
 
     Clusters are those of the descriptors nearest to the means, the ones that quantising will use.
     """
+    import sklearn
     from sklearn.cluster import KMeans
-    from sklearn.exceptions import ConvergenceWarning
 
     values = space.vectors(descriptors)
-    start = values[rng.choice(len(values), min(branching, len(values)), replace=False)]
-    kmeans = KMeans(len(start), init=start, n_init=1, max_iter=MAX_ITERATIONS)
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", ConvergenceWarning)  # identical descriptors: fewer clusters
+    kmeans = KMeans(len(first), init=values[first], n_init=1, max_iter=MAX_ITERATIONS)
+    # Checks take a third of the time of a small node; each thread has settings of its own.
+    with sklearn.config_context(assume_finite=True, skip_parameter_validation=True):
         kmeans.fit(values)
     means = space.nearest(kmeans.cluster_centers_)
     vectors = space.vectors(means)

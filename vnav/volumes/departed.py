@@ -6,6 +6,7 @@ it must be seen through, too, or a pose that is off by a little would take the e
 Beside what departed by that rule a narrower look is enough: hysteresis, as in Canny 1986.
 """
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -57,6 +58,8 @@ class DepthHistory:
 
     Parameters
     ----------
+    seen
+        What each keyframe measured.
     sigma_per_m2
         Axial noise of depth: its standard deviation is this times depth squared.
     slack_m
@@ -65,16 +68,16 @@ class DepthHistory:
         So many keyframes must see through a place; 0: nothing departs.
     """
 
-    def __init__(self, sigma_per_m2: float, slack_m: float, needed: int) -> None:
+    def __init__(
+        self, seen: Iterable[SeenDepth], sigma_per_m2: float, slack_m: float, needed: int
+    ) -> None:
+        self._seen = list(seen)
         self._sigma_per_m2, self._slack_m, self._needed = sigma_per_m2, slack_m, needed
-        self._seen: list[SeenDepth] = []
+        self._forward = np.array([s.T_camera_world[2] for s in self._seen]).reshape(-1, 4)
+        self._farthest_m = np.array([s.most.max(initial=0) for s in self._seen], float)
 
     def __len__(self) -> int:
         return len(self._seen)
-
-    def add(self, seen: SeenDepth) -> None:
-        """Add what the next keyframe measured."""
-        self._seen.append(seen)
 
     def departed_since(
         self, keyframe: int, points_world: Array, depth_m: NDArray[np.floating]
@@ -92,16 +95,33 @@ class DepthHistory:
         ``last_seen`` (N,): by which keyframe.
         """
         points, sigmas = np.ascontiguousarray(points_world, float), np.asarray(sigma_m, float)
-        through = np.zeros((2, len(points)), np.int32)
+        through, left = np.zeros((2, len(points)), np.int32), np.arange(len(points))
+        places = points, sigmas, last_seen
         noise = self._sigma_per_m2, self._slack_m
-        later = range(last_seen.min(initial=len(self)) + 1, len(self)) if self._needed else ()
-        for k in later:
+        for k in self._views_of(points, sigmas, last_seen) if self._needed else ():
             seen = self._seen[k]
             view = seen.least, seen.most, seen.camera, seen.T_camera_world
-            _look_again(through, (points, sigmas, last_seen), k, view, noise)
+            left = left[: _look_back(through, left, places, k, view, noise, self._needed)]
+            if not len(left):
+                break
         surely, narrowly = (through >= self._needed) & (self._needed > 0)
         beside = _beside(points, surely, BESIDE * self._slack_m)
         return np.asarray(surely | narrowly & beside)
+
+    def _views_of(
+        self, points: Array, sigmas: Array, last_seen: NDArray[np.intp]
+    ) -> NDArray[np.intp]:
+        """Keyframes after the first that saw any of the places (N,), and near these, backward."""
+        if not len(points):
+            return np.zeros(0, np.intp)
+        centre = (points.min(0) + points.max(0)) / 2
+        radius_m = np.linalg.norm(points - centre, axis=1).max()
+        middle_m = self._forward[:, :3] @ centre + self._forward[:, 3]
+        nearest_m = np.maximum(middle_m - radius_m, 0)
+        off_m = SIGMAS * np.hypot(self._sigma_per_m2 * nearest_m**2, sigmas.max()) + self._slack_m
+        near = (middle_m + radius_m > 0) & (nearest_m - off_m <= self._farthest_m)
+        near[: last_seen.min() + 1] = False
+        return np.flatnonzero(near)[::-1]
 
 
 def _beside(points: Array, chosen: NDArray[np.bool_], within_m: float) -> NDArray[np.bool_]:
@@ -115,22 +135,33 @@ def _beside(points: Array, chosen: NDArray[np.bool_], within_m: float) -> NDArra
 
 
 @compiled
-def _look_again(
+def _look_back(
     through: NDArray[np.int32],
+    left: NDArray[np.intp],
     places: tuple[Array, Array, NDArray[np.intp]],
     keyframe: int,
     view: tuple[Blocks, Blocks, tuple[float, float, float, float], Array],
     noise: tuple[float, float],
-) -> None:
-    """Count the keyframes (2, N) that see through since a place was seen: all around it, and it."""
+    needed: int,
+) -> int:
+    """Count the keyframes (2, N) that see through since a place was seen: all around it, and it.
+
+    Keyframes come in backward. ``left``: places that those after do not decide; what is left now is
+    moved to its front, and its number given.
+    """
     points, sigmas, last_seen = places
     least, most, (fx, fy, cx, cy), T = view
     sigma_per_m2, slack_m = noise
     height, width = least.shape
-    for n in range(len(points)):
+    count = 0
+    for n in left:
+        if last_seen[n] >= keyframe:
+            continue
+        left[count] = n
+        count += 1
         X, Y, Z = points[n]
         z = T[2, 0] * X + T[2, 1] * Y + T[2, 2] * Z + T[2, 3]
-        if last_seen[n] >= keyframe or z <= slack_m:
+        if z <= slack_m:
             continue
         x = T[0, 0] * X + T[0, 1] * Y + T[0, 2] * Z + T[0, 3]
         y = T[1, 0] * X + T[1, 1] * Y + T[1, 2] * Z + T[1, 3]
@@ -138,12 +169,16 @@ def _look_again(
         if u < 0 or v < 0 or u >= width or v >= height or least[v, u] == 0:
             continue
         off_m = slack_m + SIGMAS * np.hypot(sigma_per_m2 * z * z, sigmas[n])
+        decided = False
         if least[v, u] > z + off_m:
             reach = int(np.ceil(slack_m * fx / z))
             through[0, n] += _all_beyond(least, u, v, reach, z + off_m)
             through[1, n] += _all_beyond(least, u, v, NARROW, z + off_m)
-        elif most[v, u] >= z - off_m:
-            through[:, n] = 0
+            decided = through[0, n] >= needed
+        else:
+            decided = most[v, u] >= z - off_m
+        count -= decided
+    return count
 
 
 @compiled
