@@ -18,8 +18,8 @@ capture = "{capture}"
 
 
 def _limited(*command: object) -> subprocess.CompletedProcess[str]:
-    """A command of vnav with 1.1 GB of address space."""
-    limit = 1_100_000_000
+    """A command of vnav with 1.2 GB of address space: enough to begin, too little for a map."""
+    limit = 1_200_000_000
     return subprocess.run(
         [sys.executable, "-P", "-m", "vnav", *map(str, command)],
         preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_AS, (limit, limit)),
@@ -34,7 +34,7 @@ def test_a_map_is_not_begun_in_too_little_address_space(tiny_capture: Path, tmp_
     done = _limited("build-map", tiny_capture, "--map", tmp_path / "map", "-q")
     assert (done.returncode, done.stdout) == (1, "")
     assert done.stderr == (
-        "vnav: expected at least 2.5 GB of address space to make a map, found a limit of 1.1 GB;"
+        "vnav: expected at least 2.5 GB of address space to make a map, found a limit of 1.2 GB;"
         " raise it with 'ulimit -v'\n"
     )
 
@@ -46,7 +46,7 @@ def test_an_evaluation_in_processes_says_so_of_each_run_and_ends(
     suite.write_text("".join(SUITE.format(name=n, capture=tiny_capture) for n in ("a", "b")))
     done = _limited("evaluate", suite, "--out", tmp_path / "out", "--jobs", 2, "-q")
     assert done.returncode == 1
-    assert done.stdout.count("found a limit of 1.1 GB") == 2
+    assert done.stdout.count("found a limit of 1.2 GB") == 2
     assert "Traceback" not in done.stderr
 
 

@@ -17,7 +17,7 @@ from vnav.masking.view import MaskedView, PosedView, still
 from vnav.registration.reduction import reduced
 from vnav.tracking import frame_masks
 from vnav.tracking.frame_masks import SeenFrame
-from vnav.tracking.pose_choice import Followed, TrackedFrame
+from vnav.tracking.pose_choice import FollowedPoints, TrackedFrame
 
 SECONDS = 3.0
 
@@ -78,7 +78,7 @@ def test_what_is_followed_stays_with_its_source_where_others_move() -> None:
     camera = Intrinsics(640, 480, 525.0, 525.0, 319.5, 239.5)
     image = reduced(Frame(0, 1, 0.1, np.zeros((480, 640, 3), np.uint8), no_depth(480, 640), camera))
     own, source = undescribed(1, px, np.ones((4, 3))), undescribed(0)
-    followed = Followed(source, np.array([7, 8, 9, 10]))
+    followed = FollowedPoints(source, np.array([7, 8, 9, 10]))
     view = PosedView(image, np.eye(4), np.zeros_like(blocks))
     moved_s = np.where(blocks, np.float32(0), np.float32(np.inf))
 

@@ -76,22 +76,18 @@ def assess(folder: MapFolder, config: Config) -> Quality:
     against = contradicting_loops(evenly(rejected, MOST_PAIRS), poses, seen, registration)
     unborne = unborne_steps(rows, odometry.segment, poses, seen, registration)
     unsure = unsure_rows(odometry)
-    focals = folder.report("optimise").get("values", {}).get("focal_lengths", [])
-    wrong = [FocalLength(**f) for f in focals if is_wrong(FocalLength(**f))]
-    doubts = []
-    if len(apart) > max(DISAGREEING * len(revisits), LEAST_DISAGREEING - 1):
-        doubts.append(_disagreement(apart, revisits, odometry))
-    if len(against) >= LEAST_CONTRADICTING:
-        doubts.append(_contradiction(against, odometry))
-    if unborne:
-        doubts.append(_unborne(unborne, odometry))
-    if len(unsure) >= LEAST_UNSURE:
-        doubts.append(_uncertainty(unsure, odometry))
-    if wrong:
-        doubts.append(_wrong_cameras(wrong))
+    wrong = _wrong_focal_lengths(folder)
+    told = (
+        _disagreement(apart, revisits, odometry),
+        _contradiction(against, odometry),
+        _unborne(unborne, odometry),
+        _uncertainty(unsure, odometry),
+        _wrong_cameras(wrong),
+    )
+    doubts = tuple(filter(None, told))
     values = {
         "verdict": "doubtful" if doubts else "good",
-        "doubts": doubts,
+        "doubts": list(doubts),
         "revisits": len(revisits),
         "revisits_disagreeing": len(apart),
         "loops": loops,
@@ -101,7 +97,7 @@ def assess(folder: MapFolder, config: Config) -> Quality:
         "motions_unsure": len(unsure),
         "focal_lengths_wrong": len(wrong),
     }
-    return Quality(tuple(doubts), values)
+    return Quality(doubts, values)
 
 
 def unsure_rows(odometry: Odometry) -> NDArray[np.intp]:
@@ -110,10 +106,13 @@ def unsure_rows(odometry: Odometry) -> NDArray[np.intp]:
     return np.array(sorted(row for row, p in best.items() if p < UNSURE), np.intp)
 
 
-def is_wrong(focal: FocalLength) -> bool:
-    """Whether the images fit another focal length than was given, so that it bends the map."""
-    off = abs(focal.fitted_px - focal.given_px)
-    return off > WRONG_FOCAL * focal.given_px and off > SURE_SIGMAS * focal.sigma_px
+def _wrong_focal_lengths(folder: MapFolder) -> list[FocalLength]:
+    """Those that the images contradict, by so much that they bend the map."""
+    values = folder.report("optimise").get("values", {})
+    lengths = [FocalLength(**told) for told in values.get("focal_lengths", [])]
+    off = [abs(f.fitted_px - f.given_px) for f in lengths]
+    least = [max(WRONG_FOCAL * f.given_px, SURE_SIGMAS * f.sigma_px) for f in lengths]
+    return [f for f, much, little in zip(lengths, off, least, strict=True) if much > little]
 
 
 def _loops(folder: MapFolder) -> tuple[int, list[Edge]]:
@@ -144,6 +143,8 @@ def _compared(
 
 
 def _disagreement(apart: Sequence[Agreement], of: Sequence[Agreement], odometry: Odometry) -> str:
+    if len(apart) <= max(DISAGREEING * len(of), LEAST_DISAGREEING - 1):
+        return ""
     where = _within([(a.i, a.j) for a in apart], odometry)
     return (
         f"{len(apart)} of {len(of)} pairs of keyframes that see one place again disagree on it,"
@@ -152,6 +153,8 @@ def _disagreement(apart: Sequence[Agreement], of: Sequence[Agreement], odometry:
 
 
 def _contradiction(against: Sequence[Edge], odometry: Odometry) -> str:
+    if len(against) < LEAST_CONTRADICTING:
+        return ""
     return (
         f"{len(against)} loops contradict the map and fit the images better, within"
         f" {_within(ends_of(against), odometry)}; places that look the same may have"
@@ -160,6 +163,8 @@ def _contradiction(against: Sequence[Edge], odometry: Odometry) -> str:
 
 
 def _unborne(unborne: Sequence[tuple[int, int]], odometry: Odometry) -> str:
+    if not unborne:
+        return ""
     where, count = _within(unborne, odometry), len(odometry.keyframes) - 1
     return (
         f"{len(unborne)} of {count} steps from keyframe to keyframe do not fit the images, within"
@@ -169,6 +174,8 @@ def _unborne(unborne: Sequence[tuple[int, int]], odometry: Odometry) -> str:
 
 
 def _uncertainty(unsure: NDArray[np.intp], odometry: Odometry) -> str:
+    if len(unsure) < LEAST_UNSURE:
+        return ""
     return (
         f"the motion of {len(unsure)} frames is in doubt, within"
         f" {odometry.frames.rows_text(unsure)}; what repeats or moves filled the view: record with"
@@ -177,6 +184,8 @@ def _uncertainty(unsure: NDArray[np.intp], odometry: Odometry) -> str:
 
 
 def _wrong_cameras(focals: Sequence[FocalLength]) -> str:
+    if not focals:
+        return ""
     told = ", ".join(
         f"{f.fitted_px:.1f} px (+- {f.sigma_px:.1f}) where {f.given_px:.1f} px were given"
         for f in focals

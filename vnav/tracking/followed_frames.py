@@ -16,7 +16,7 @@ from vnav.core.mapping import FrameFeatures
 from vnav.features.description import FrameDescriber, points_of
 from vnav.tracking.feature_tracking import FeatureTracker, are_degenerate, described, is_doubtful
 from vnav.tracking.motion import ConstantVelocity
-from vnav.tracking.pose_choice import ChosenMotions, Followed, TrackedFrame
+from vnav.tracking.pose_choice import ChosenMotions, FollowedPoints, TrackedFrame
 from vnav.tracking.trackers import Tracker, tracker
 
 CELL_PX = 20  # edge of the square of pixels of which the strongest point is followed
@@ -95,7 +95,7 @@ class FollowedFrames:
         features = replace(source.features.features[rows], keypoints_px=px)
         points = points_of(px, frame, self._config)
         own = FrameFeatures(seen.features.row, features, points)
-        return replace(seen, features=own, followed=Followed(source.features, rows))
+        return replace(seen, features=own, followed=FollowedPoints(source.features, rows))
 
 
 def strongest_in_cells(frame: FrameFeatures) -> Rows:

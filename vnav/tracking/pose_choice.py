@@ -32,7 +32,7 @@ Motions = dict[int, PoseEstimate]  # to the current frame, by the row of the fra
 
 
 @dataclass(frozen=True)
-class Followed:
+class FollowedPoints:
     """Features that are those of an earlier frame, the ``source``: its ``rows`` (N,)."""
 
     source: FrameFeatures
@@ -51,7 +51,7 @@ class TrackedFrame:
     features: FrameFeatures
     image: ReducedFrame
     camera: Intrinsics
-    followed: Followed | None = None
+    followed: FollowedPoints | None = None
     coarse: FrameFeatures | None = None
     is_new_view: bool = False
 
