@@ -32,6 +32,7 @@ from vnav.io.sources.open_capture import open_capture
 from vnav.io.store.artifacts import load_keyframe_depth, load_odometry, load_optimised, map_cameras
 from vnav.io.store.index_file import load_index
 from vnav.io.store.map_folder import MapFolder
+from vnav.io.store.tree_file import load_tree
 from vnav.pipeline.extend import extend, made_with
 from vnav.stages.locate import Locator
 from vnav.synthetic import MINIATURE, SCENES, Box, Scene, write_capture
@@ -169,7 +170,7 @@ def of_volumes(
 
 def of_landmarks(name: str, before: Scene, after: Scene, both: Measured) -> list[Measurement]:
     """Which landmarks are retired: on what has gone, and on what is there."""
-    index = load_index(both.folder)
+    index = load_index(both.folder, load_tree(both.folder))
     points = both.truly(index.points_world.astype(float))
     clear = CLEAR_CELLS * made_with(both.folder).fuse.octree_m
     there = distance(points, _boxes(after))

@@ -50,6 +50,5 @@ class LandmarkDatabase:
 
     def rows_of(self, landmarks: NDArray[np.int32] | Rows) -> Rows:
         """Rows of the landmarks' descriptors, ascending; no landmark twice."""
-        wanted = np.zeros(len(self.index.owner), bool)
-        wanted[self.index.described[rows_of(self.index.described_start, landmarks)[1]]] = True
-        return np.flatnonzero(wanted)
+        described = self.index.described[rows_of(self.index.described_start, landmarks)[1]]
+        return np.sort(described).astype(np.intp)

@@ -48,7 +48,9 @@ def match_rows(rows: Rows, query: Query) -> Iterator[Matches]:
 
 def _neighbours(found: Matches, database: LandmarkDatabase) -> Rows:
     """Rows of the descriptors of the landmarks near matched ones, without those."""
-    near = np.zeros(len(database.index.points_world), bool)
-    near[database.index.neighbours[found.landmark]] = True
-    near[found.landmark] = False
-    return database.rows_of(np.flatnonzero(near))
+    near = database.index.neighbours[found.landmark]
+    first, last = (near.min(), near.max()) if near.size else (0, 0)
+    is_new = np.zeros(last + 1 - first, bool)  # landmarks of one place have numbers close by
+    is_new[near - first] = True
+    is_new[found.landmark - first] = False
+    return database.rows_of(first + np.flatnonzero(is_new))
