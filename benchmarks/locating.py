@@ -50,6 +50,7 @@ from vnav.localisation.hypotheses.ransac import (  # noqa: E402
 from vnav.localisation.matches import Correspondences2D3D  # noqa: E402
 from vnav.localisation.verdict.answer import PhotoAnswer  # noqa: E402
 from vnav.localisation.view import CameraPrior  # noqa: E402
+from vnav.memory import keep_freed  # noqa: E402
 from vnav.stages import locate  # noqa: E402
 from vnav.stages.locate import Locator  # noqa: E402
 
@@ -337,6 +338,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--every", type=int, default=1, help="take every so many photos only")
     add_record_option(parser)
     options = parser.parse_args(arguments)
+    keep_freed()  # as the command line does
     for name in (name for name in SOLVERS if not optional(name)):
         print(f"{name} is not installed, and left out; `pip install {name}` brings it in")
     places, buildings = cases(options.out), [building(options.out, rooms) for rooms in ROOMS]

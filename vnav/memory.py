@@ -7,7 +7,7 @@ have it keep them; a library leaves that to its program. Elsewhere nothing is do
 import ctypes
 
 TRIM_THRESHOLD, MMAP_THRESHOLD = -1, -3  # mallopt(3)
-LARGE, MOST_KEPT = 32 << 20, 128 << 20  # bytes: of a block that is not kept, and of what is
+LARGE, MOST_KEPT = 32 << 20, 256 << 20  # bytes: of a block that is not kept, and of what is
 
 
 def keep_freed() -> None:
