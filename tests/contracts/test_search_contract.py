@@ -13,8 +13,9 @@ from vnav.errors import ConfigError
 from vnav.io.formats.trajectories import read_photo_poses, read_tum
 from vnav.io.store.artifacts import load_optimised
 from vnav.io.store.map_folder import MapFolder
-from vnav.localisation.query import MIN_MATCHES, Query
-from vnav.localisation.search.candidates import search, search_repeated
+from vnav.localisation.photo import prepare
+from vnav.localisation.query import Query
+from vnav.localisation.search.candidates import search
 from vnav.localisation.search.methods import search_method
 from vnav.stages.locate import Locator
 
@@ -100,16 +101,8 @@ def test_the_same_photo_has_the_same_matches(name: str, asked: Query) -> None:
     assert np.array_equal(first.landmark, second.landmark)
 
 
-def test_a_search_of_some_features_matches_those_first(name: str, asked: Query) -> None:
-    """What lies around a match may be found by other features."""
-    features = np.arange(0, len(asked.photo.features), 3)
-    found = search_method(name).matches(features, 1, by(name, asked))
-    assert len(found)
-    if name != "interleaved":
-        assert np.isin(found.feature, features).all()
-
-
 @pytest.mark.parametrize("few", [0, 1])
 def test_hardly_any_features_have_no_candidates(name: str, asked: Query, few: int) -> None:
-    found = search_repeated(np.arange(few), MIN_MATCHES, by(name, asked))
-    assert name == "interleaved" or found.candidates == ()
+    features, tree = asked.photo.features[np.arange(few)], asked.database.tree
+    photo = prepare(features, asked.photo.intrinsics, 0.0, tree)
+    assert search(by(name, dataclasses.replace(asked, photo=photo))).candidates == ()

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from vnav.config import LocateConfig
+from vnav.config.registries import SEARCHES
 from vnav.core import se3
 from vnav.features.sift import SPACE
 from vnav.localisation import localise as rooms
@@ -131,10 +132,13 @@ def test_a_view_of_what_only_one_of_two_rooms_has_is_located(furnished_twins):
         assert errors(result, T_true)[0] < 0.02
 
 
-def test_a_view_of_what_both_rooms_have_is_ambiguous(furnished_twins):
+@pytest.mark.parametrize("search", sorted(SEARCHES))
+def test_a_view_of_what_both_rooms_have_is_ambiguous(furnished_twins, search):
+    """By any search: one that has enough in the first room that matches is told of the other."""
     T_true = furnished_twins.looking((0.3, -0.2, 1.4), 185.0)
     features, _ = furnished_twins.seen(T_true, furnished_twins.things, np.random.default_rng(13))
-    result, _ = asked(furnished_twins, features)
+    few = dataclasses.replace(CONFIG, search=search, enough_matches=25)
+    result, _ = asked(furnished_twins, features, config=few)
     assert isinstance(result, NotLocated)
     assert result.reason == "ambiguous"
 

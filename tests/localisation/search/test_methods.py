@@ -7,7 +7,8 @@ from vnav.config import LocateConfig
 from vnav.localisation.photo import prepare
 from vnav.localisation.query import Query
 from vnav.localisation.search.matches_2d_3d import match_2d_3d
-from vnav.localisation.search.methods import search_method
+from vnav.localisation.search.matches_3d_2d import match_3d_2d
+from vnav.localisation.search.methods import all_features, search_method
 
 
 @pytest.fixture
@@ -18,18 +19,17 @@ def query(world) -> Query:
     return Query(photo, world.database, LocateConfig())
 
 
-def found_by(name: str, query: Query, features=None, **settings):
+def found_by(name: str, query: Query, **settings):
     query = dataclasses.replace(query, config=dataclasses.replace(query.config, **settings))
-    features = np.arange(len(query.photo.features)) if features is None else features
-    return search_method(name).matches(features, 1, query)
+    return search_method(name).matches(query)
 
 
 def test_one_feature_leads_the_interleaved_search_to_what_is_around_its_landmark(query):
     """Before any other feature is asked."""
-    first = match_2d_3d(np.arange(len(query.photo.features)), 1, query).feature[:1]
-    found = found_by("interleaved", query, first)
-    assert len(found) > 10
-    assert found.feature[0] not in found.feature[1:]
+    first = match_2d_3d(all_features(query), 1, query)[np.arange(1)]
+    around = match_3d_2d(first, query)
+    assert len(around) > 10
+    assert np.array_equal(found_by("interleaved", query)[np.arange(len(around))], around)
 
 
 def test_the_interleaved_search_ends_when_there_are_enough(query):

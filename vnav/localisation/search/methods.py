@@ -7,7 +7,6 @@ from collections.abc import Iterator
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
 from vnav.config.registries import SEARCHES, registered
 from vnav.core.arrays import Rows
@@ -22,8 +21,8 @@ LEAVES = 16  # of the tree that are searched for one feature
 class SearchMethod(Protocol):
     """Seeks matches of a photo in the whole map, then more in one place."""
 
-    def matches(self, features: Rows, count: int, query: Query) -> Matches:
-        """Matches of some features with their nearest landmark each, or their ``count`` nearest."""
+    def matches(self, query: Query) -> Matches:
+        """Matches of features with their nearest landmark each."""
 
     def completed(self, found: Matches, query: Query) -> Matches:
         """The matches of a covisibility cluster, and more that they lead to, one to one."""
@@ -38,9 +37,9 @@ def search_method(name: str) -> SearchMethod:
 class CompoundSearch:
     """2D-3D in the whole map, then 3D-2D around each cluster (Sattler, Leibe, Kobbelt 2017)."""
 
-    def matches(self, features: Rows, count: int, query: Query) -> Matches:
+    def matches(self, query: Query) -> Matches:
         """By words of the photo's features."""
-        return match_2d_3d(features, count, query)
+        return match_2d_3d(all_features(query), 1, query)
 
     def completed(self, found: Matches, query: Query) -> Matches:
         """With the matches of the landmarks nearby."""
@@ -50,11 +49,11 @@ class CompoundSearch:
 class InterleavedSearch:
     """3D-2D around each 2D-3D match as it is found, before the next feature (claim 4, 2.3-2.9)."""
 
-    def matches(self, features: Rows, count: int, query: Query) -> Matches:
+    def matches(self, query: Query) -> Matches:
         """Features with the fewest candidates first, until one cluster has enough matches."""
         span = query.database.index.span[query.photo.paths[:, query.level_2d_3d]]
-        in_turn = match_in_ranges(features, span[:, None], count, query)
-        return until_enough(_with_those_around(in_turn, query, once=count == 1), query)
+        in_turn = match_in_ranges(all_features(query), span[:, None], 1, query)
+        return until_enough(_with_those_around(in_turn, query), query)
 
     def completed(self, found: Matches, query: Query) -> Matches:
         """As they are: what is nearby has been searched."""
@@ -64,9 +63,9 @@ class InterleavedSearch:
 class SearchOf2d3d:
     """From the photo's features to the map alone (claim 4, 2.3 to 2.5)."""
 
-    def matches(self, features: Rows, count: int, query: Query) -> Matches:
+    def matches(self, query: Query) -> Matches:
         """By words of the photo's features."""
-        return match_2d_3d(features, count, query)
+        return match_2d_3d(all_features(query), 1, query)
 
     def completed(self, found: Matches, query: Query) -> Matches:
         """As they are."""
@@ -80,12 +79,11 @@ class SearchOf3d2d:
     2010.
     """
 
-    def matches(self, features: Rows, count: int, query: Query) -> Matches:
-        """Of each feature the ``count`` landmarks that match it best."""
+    def matches(self, query: Query) -> Matches:
+        """Of each feature the landmark that matches it best."""
         found = until_enough(_of_most_seen(query), query)
-        found = found[np.isin(found.feature, features)]
         best_first = found[np.lexsort((found.cost, found.feature))]
-        return best_first[_rank_in_group(best_first.feature) < count]
+        return best_first[np.unique(best_first.feature, return_index=True)[1]]
 
     def completed(self, found: Matches, query: Query) -> Matches:
         """With the matches of the landmarks nearby, which had not their turn yet."""
@@ -99,29 +97,32 @@ class TreeSearch:
     2007.
     """
 
-    def matches(self, features: Rows, count: int, query: Query) -> Matches:
+    def matches(self, query: Query) -> Matches:
         """By the descriptors in the leaves."""
         leaves = query.database.tree.nearest_leaves(query.photo.features.descriptors, LEAVES)
         span = query.database.index.span[leaves] * (leaves >= 0)[:, :, None]
-        return until_enough(match_in_ranges(features, span, count, query), query)
+        return until_enough(match_in_ranges(all_features(query), span, 1, query), query)
 
     def completed(self, found: Matches, query: Query) -> Matches:
         """As they are."""
         return found
 
 
-def _with_those_around(
-    in_turn: Iterator[Matches], query: Query, *, once: bool
-) -> Iterator[Matches]:
-    """Each match with those of the landmarks nearby; no landmark twice, nor ``once`` a feature."""
+def all_features(query: Query) -> Rows:
+    """The rows of all features of the photo."""
+    return np.arange(len(query.photo.features))
+
+
+def _with_those_around(in_turn: Iterator[Matches], query: Query) -> Iterator[Matches]:
+    """Each match with those of the landmarks nearby; no landmark twice, nor a feature."""
     found = no_matches()
     for match in (lot[np.array([k])] for lot in in_turn for k in range(len(lot))):
-        if once and match.feature[0] in found.feature:
+        if match.feature[0] in found.feature:
             continue
         more = match_3d_2d(match, query)
-        more = more[~np.isin(more.landmark, found.landmark)]
-        found = found.joined(more[~np.isin(more.feature, found.feature)] if once else more)
-        yield more
+        known = np.isin(more.landmark, found.landmark) | np.isin(more.feature, found.feature)
+        found = found.joined(more[~known])
+        yield more[~known]
 
 
 def _of_most_seen(query: Query) -> Iterator[Matches]:
@@ -130,9 +131,3 @@ def _of_most_seen(query: Query) -> Iterator[Matches]:
     order = np.argsort(-np.diff(index.seen_start), kind="stable")
     for first in range(0, len(order), BATCH):
         yield from match_rows(query.database.rows_of(order[first : first + BATCH]), query)
-
-
-def _rank_in_group(group: Rows) -> NDArray[np.intp]:
-    """Of each row (N,) how many rows of its group, which lie together, are before it."""
-    first = np.searchsorted(group, group)
-    return np.arange(len(group)) - first
