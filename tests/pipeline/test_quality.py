@@ -152,37 +152,65 @@ def test_one_likely_motion_is_enough_for_a_frame(folder: MapFolder, altering: Al
     assert assess(folder, CONFIG).values["motions_unsure"] == 0
 
 
-def say_focal_length(folder: MapFolder, fitted_px: float, sigma_px: float) -> None:
-    """Let the report of optimise say that 525 px were given, and what the images fit."""
+GIVEN = 525.0, 320.0, 240.0, 0.0
+
+
+def say_camera(
+    folder: MapFolder, fitted_px: tuple[float, ...], sigma_px: float, k1: float = 0.0
+) -> None:
+    """Let the report of optimise say what camera was given, and which one the images fit."""
     report = folder.report("optimise")
-    length = {"given_px": 525.0, "fitted_px": fitted_px, "sigma_px": sigma_px}
-    report["values"]["focal_lengths"] = [length]
+    fit = {"given": GIVEN, "fitted": [*fitted_px, k1], "sigma": [*[sigma_px] * 3, 0.001]}
+    fit["corner"] = 400 / GIVEN[0]
+    report["values"]["camera_fits"] = [fit]
     folder.write_report("optimise", report)
 
 
 def test_images_that_fit_another_focal_length_are_told_of(folder: MapFolder) -> None:
-    say_focal_length(folder, 500.0, 1.0)
+    say_camera(folder, (500.0, 325.0, 240.0), 1.0)
 
     (doubt,) = assess(folder, CONFIG).doubts
 
-    assert "500.0 px (+- 1.0) where 525.0 px were given" in doubt
+    assert "a focal length of 500.0 px (+- 1.0) where 525.0 px were given" in doubt
+    assert "cx" not in doubt
 
 
-@pytest.mark.parametrize(("fitted_px", "sigma_px"), [(515.0, 1.0), (500.0, 10.0)])
-def test_a_focal_length_that_is_near_or_hardly_known_is_no_doubt(
-    folder: MapFolder, fitted_px: float, sigma_px: float
+def test_images_that_fit_another_principal_point_are_told_of(folder: MapFolder) -> None:
+    say_camera(folder, (520.0, 300.0, 258.0), 1.0)
+
+    (doubt,) = assess(folder, CONFIG).doubts
+
+    assert "cx of 300.0 px (+- 1.0) where 320.0 px were given" in doubt
+    assert "cy of 258.0 px (+- 1.0) where 240.0 px were given" in doubt
+    assert "focal" not in doubt
+
+
+def test_a_distortion_that_was_left_out_is_told_of(folder: MapFolder) -> None:
+    say_camera(folder, (525.0, 320.0, 240.0), 1.0, k1=-0.1)
+
+    (doubt,) = assess(folder, CONFIG).doubts
+
+    assert "a radial distortion k1 of -0.10 (+- 0.00) that was not given" in doubt
+
+
+@pytest.mark.parametrize(
+    ("fitted_px", "sigma_px"), [((515.0, 310.0, 250.0), 1.0), ((500.0, 300.0, 200.0), 10.0)]
+)
+def test_a_camera_that_is_near_or_hardly_known_is_no_doubt(
+    folder: MapFolder, fitted_px: tuple[float, ...], sigma_px: float
 ) -> None:
-    say_focal_length(folder, fitted_px, sigma_px)
+    say_camera(folder, fitted_px, sigma_px, k1=0.05)
 
     assert assess(folder, CONFIG).doubts == ()
 
 
 def test_the_images_of_a_rendered_room_fit_its_camera(folder: MapFolder) -> None:
-    (length,) = folder.report("optimise")["values"]["focal_lengths"]
+    (fit,) = folder.report("optimise")["values"]["camera_fits"]
 
     # The noise of a map of so few frames, and rounding of pixels at its edges.
-    assert length["fitted_px"] == pytest.approx(length["given_px"], rel=0.01)
-    assert length["sigma_px"] < 0.01 * length["given_px"]
+    little_px = 0.01 * fit["given"][0]
+    assert fit["fitted"][:3] == pytest.approx(fit["given"][:3], abs=little_px)
+    assert max(fit["sigma"]) < little_px
 
 
 def test_a_verdict_is_on_the_map_as_it_was_judged(folder: MapFolder) -> None:

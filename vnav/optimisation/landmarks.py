@@ -12,8 +12,8 @@ from vnav.core.frame import Edge
 from vnav.core.mapping import Landmarks
 from vnav.optimisation.bundle import adjust, covariances
 from vnav.optimisation.bundle_problem import PosePrior
+from vnav.optimisation.camera_fit import CameraFit, camera_fits
 from vnav.optimisation.feature_tracks import FeatureTracks
-from vnav.optimisation.focal_length import FocalLength, focal_lengths
 from vnav.optimisation.observation_selection import ObservationSelection, move_unshared_points
 from vnav.optimisation.self_calibration import UNKNOWN_SENSOR, SensorCalibration, calibrated
 from vnav.optimisation.sensor_model import Bundle, SensorModel
@@ -28,7 +28,7 @@ class AdjustedBundle:
 
     ``rounds``: of bundle adjustment, that led there.
 
-    ``sensor``: what it does wrong; landmarks are without. ``focal_lengths``: of its cameras, where
+    ``sensor``: what it does wrong; landmarks are without. ``camera_fits``: of its cameras, where
     there was more than one round.
     """
 
@@ -37,7 +37,7 @@ class AdjustedBundle:
     landmarks: Landmarks
     observations: int
     sensor: SensorCalibration
-    focal_lengths: tuple[FocalLength, ...]
+    camera_fits: tuple[CameraFit, ...]
     rms_px_before: float
     rms_px_after: float
     rounds: int
@@ -71,12 +71,12 @@ def adjust_landmarks(
     """
     bundle, rows = _initial_bundle(T_world_camera, tracks)
     selection = ObservationSelection(rows, model, edges, prior, config.min_shared_landmarks)
-    rms_px, sensor, focals = [], UNKNOWN_SENSOR, tuple[FocalLength, ...]()
+    rms_px, sensor, fits = [], UNKNOWN_SENSOR, tuple[CameraFit, ...]()
     for k in range(config.bundle_rounds):
         first, last = k == 0, k == config.bundle_rounds - 1
         if last and not first:
             sensor, tracks, bundle = calibrated(bundle, tracks, selection)
-            focals = focal_lengths(bundle, tracks, selection)
+            fits = camera_fits(bundle, tracks, selection)
         noise = model if first else selection.noise(bundle, tracks)
         inliers = selection.inliers(bundle, tracks, noise, FIRST_SLACK if first else 1.0)
         shared = tracks.shared(inliers)
@@ -95,7 +95,7 @@ def adjust_landmarks(
     covariance = covariances(bundle, selection.problem(tracks.seen[shared], model))
     landmarks = _landmarks(bundle, tracks, inliers, model)
     poses = bundle.T_world_camera
-    told = len(shared), sensor, focals, rms_px[0], rms_px[-1], config.bundle_rounds
+    told = len(shared), sensor, fits, rms_px[0], rms_px[-1], config.bundle_rounds
     return AdjustedBundle(poses, covariance, landmarks, *told)
 
 

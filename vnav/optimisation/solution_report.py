@@ -46,7 +46,7 @@ def _values(solution: Solution, result: OptimisedMap) -> dict[str, Any]:
         "graph_error_before": solution.robust.graph.error_before,
         "graph_error_after": solution.robust.graph.error_after,
         **_sensor_values(adjusted.sensor),
-        "focal_lengths": [vars(length) for length in adjusted.focal_lengths],
+        "camera_fits": [vars(fit) for fit in adjusted.camera_fits],
         "landmarks": len(adjusted.landmarks),
         "observations": adjusted.observations,
         "rms_px_before": adjusted.rms_px_before if adjusted.observations else None,

@@ -30,8 +30,8 @@ from vnav.io.store.artifacts import (
 )
 from vnav.io.store.map_folder import MapFolder
 from vnav.loop_closing.loop_candidates import are_apart
+from vnav.optimisation.camera_fit import CameraFit
 from vnav.optimisation.camera_motion import velocities
-from vnav.optimisation.focal_length import FocalLength
 from vnav.registration.reduction import reduced
 from vnav.registration.surface_agreement import Agreement, agreements, disagreeing
 from vnav.tracking.pose_choice import UNSURE
@@ -42,7 +42,13 @@ NEIGHBOURS = 1, 2  # keyframes onward that tell what is usual
 DISAGREEING, LEAST_DISAGREEING = 0.2, 2  # share of revisits, and number, that speak against a map
 LEAST_CONTRADICTING = 5  # rejected loops that do; chance makes 1.5 of 150
 LEAST_UNSURE = 2  # frames in doubt that do
-WRONG_FOCAL, SURE_SIGMAS = 0.025, 5.0  # share of a focal length, and of its standard deviation
+WRONG_CAMERA, SURE_SIGMAS = 0.025, 5.0  # off by: of the focal length, and standard deviations
+FITTED = (  # and its standard deviation, and what was given
+    "a focal length of {:.1f} px (+- {:.1f}) where {:.1f} px were given",
+    "cx of {:.1f} px (+- {:.1f}) where {:.1f} px were given",
+    "cy of {:.1f} px (+- {:.1f}) where {:.1f} px were given",
+    "a radial distortion k1 of {:.2f} (+- {:.2f}) that was not given",
+)
 
 
 @dataclass(frozen=True)
@@ -76,7 +82,7 @@ def assess(folder: MapFolder, config: Config) -> Quality:
     against = contradicting_loops(evenly(rejected, MOST_PAIRS), poses, seen, registration)
     unborne = unborne_steps(rows, odometry.segment, poses, seen, registration)
     unsure = unsure_rows(odometry)
-    wrong = _wrong_focal_lengths(folder)
+    wrong = _wrong_fits(folder)
     told = (
         _disagreement(apart, revisits, odometry),
         _contradiction(against, odometry),
@@ -95,7 +101,7 @@ def assess(folder: MapFolder, config: Config) -> Quality:
         "loops_contradicting": len(against),
         "steps_unborne": len(unborne),
         "motions_unsure": len(unsure),
-        "focal_lengths_wrong": len(wrong),
+        "cameras_wrong": len(wrong),
     }
     return Quality(doubts, values)
 
@@ -106,13 +112,16 @@ def unsure_rows(odometry: Odometry) -> NDArray[np.intp]:
     return np.array(sorted(row for row, p in best.items() if p < UNSURE), np.intp)
 
 
-def _wrong_focal_lengths(folder: MapFolder) -> list[FocalLength]:
-    """Those that the images contradict, by so much that they bend the map."""
+def _wrong_fits(folder: MapFolder) -> list[CameraFit]:
+    """Of cameras that the images contradict, by so much that they bend the map."""
     values = folder.report("optimise").get("values", {})
-    lengths = [FocalLength(**told) for told in values.get("focal_lengths", [])]
-    off = [abs(f.fitted_px - f.given_px) for f in lengths]
-    least = [max(WRONG_FOCAL * f.given_px, SURE_SIGMAS * f.sigma_px) for f in lengths]
-    return [f for f, much, little in zip(lengths, off, least, strict=True) if much > little]
+    fits = [CameraFit(**told) for told in values.get("camera_fits", [])]
+    return [fit for fit in fits if _is_wrong(fit).any()]
+
+
+def _is_wrong(fit: CameraFit) -> NDArray[np.bool_]:
+    """Whether each of its parameters is (4,)."""
+    return np.asarray((fit.off > WRONG_CAMERA) & (fit.off_sigmas > SURE_SIGMAS))
 
 
 def _loops(folder: MapFolder) -> tuple[int, list[Edge]]:
@@ -183,16 +192,19 @@ def _uncertainty(unsure: NDArray[np.intp], odometry: Odometry) -> str:
     )
 
 
-def _wrong_cameras(focals: Sequence[FocalLength]) -> str:
-    if not focals:
+def _wrong_cameras(fits: Sequence[CameraFit]) -> str:
+    told = [
+        text.format(fitted, sigma, given)
+        for fit in fits
+        for text, fitted, sigma, given in compress(
+            zip(FITTED, fit.fitted, fit.sigma, fit.given, strict=True), _is_wrong(fit)
+        )
+    ]
+    if not told:
         return ""
-    told = ", ".join(
-        f"{f.fitted_px:.1f} px (+- {f.sigma_px:.1f}) where {f.given_px:.1f} px were given"
-        for f in focals
-    )
     return (
-        f"the images fit another focal length than their camera's: {told}; correct the camera,"
-        " by 'vnav calibrate' or what its maker says, and build the map anew"
+        f"the images fit another camera: {', '.join(told)}; correct the camera, by 'vnav"
+        " calibrate' or what its maker says, and build the map anew"
     )
 
 
