@@ -2,6 +2,7 @@ import numpy as np
 import pytest
 
 from vnav.core import se3
+from vnav.localisation import indexing
 from vnav.localisation.database import LandmarkDatabase
 
 
@@ -45,6 +46,15 @@ def test_neighbours_are_the_nearest_that_are_seen_together(index):
         together = nearest[index.covisible[home[landmark], home[nearest]]]
         expected = together[: index.neighbours.shape[1]]
         assert set(index.neighbours[landmark].tolist()) == {landmark, *expected.tolist()}
+
+
+def test_neighbours_are_the_same_however_few_are_sought_at_once(index, monkeypatch):
+    """A query for all needs a gigabyte for half a million landmarks."""
+    monkeypatch.setattr(indexing, "AT_ONCE", 50)
+    reference, count = index.seen_by[index.seen_start[:-1]], index.neighbours.shape[1]
+    found = indexing._neighbours(index.points_world, reference, index.covisible, count)
+    assert len(found) > 4 * 50
+    assert np.array_equal(found, index.neighbours)
 
 
 def test_neighbours_never_lie_in_another_room(twin_world):

@@ -22,7 +22,7 @@ from vnav.localisation.database import SAME_POINT_M
 
 SAMPLE = 500  # descriptors that the map's own statistics are taken from
 QUARTILE = 0.75
-AT_ONCE = 20_000  # descriptors that are made a mean of
+AT_ONCE = 20_000  # landmarks, or descriptors that are made a mean of
 SAMPLE_AT_ONCE = 25  # descriptors that are held against all others
 
 
@@ -181,8 +181,11 @@ def _neighbours(
     found = np.tile(np.arange(len(points), dtype=np.int32)[:, None], (1, count))
     if not len(points):
         return found
-    _, near = cKDTree(points).query(points, min(2 * count, len(points)), workers=-1)
-    _keep_together(found, near.reshape(len(points), -1), reference, covisible)
+    tree, most = cKDTree(points), min(2 * count, len(points))
+    for of in np.array_split(np.arange(len(points)), 1 + len(points) // AT_ONCE):
+        _, near = tree.query(points[of], most, workers=-1)
+        place = reference[of], reference, covisible
+        _keep_together(found[of[0] : of[-1] + 1], near.reshape(len(of), -1), *place)
     return found
 
 
@@ -190,14 +193,15 @@ def _neighbours(
 def _keep_together(
     found: NDArray[np.int32],
     near: NDArray[np.intp],
+    own_reference: NDArray[np.int32],
     reference: NDArray[np.int32],
     covisible: NDArray[np.bool_],
 ) -> None:
-    """Fill in, of the landmarks near each (L, K), the first that are seen together with it."""
+    """Fill in, of the landmarks near each (N, K), the first that are seen together with it."""
     for n in range(len(near)):
         kept = 0
         for other in near[n]:
-            if kept < found.shape[1] and covisible[reference[n], reference[other]]:
+            if kept < found.shape[1] and covisible[own_reference[n], reference[other]]:
                 found[n, kept] = other
                 kept += 1
 

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import cache
+from functools import cached_property, lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,6 +30,7 @@ from vnav.registration.surface_agreement import MIN_SHARED, Agreement, agreement
 MOST_PAIRS = 60  # of keyframes that are compared, where two parts are to be joined
 MOST_THROUGH = 0.2  # of them that may see through each other: docs/log.md
 DRIFTED_SIGMAS = 24.0  # from which a surface is seen through, 0.13 m at 2 m: drift is left
+KEPT_IMAGES = 120  # of keyframes, reduced: about 60 MB
 SURE = 0.99  # the most that odometry's own edges count for: as much as what is just clear
 Views = Callable[[int], Frame]  # the images of a keyframe, by its row
 
@@ -52,7 +53,7 @@ class SecondLook:
         self._odometry, self._cameras, self._views = odometry, cameras, views
         self._keyframes = {k.row: k for k in odometry.keyframes}
         self._matcher, self._config = DescriptorMatcher(config.registration), config
-        self._moving = cache(self._reduced_at)
+        self._moving = lru_cache(KEPT_IMAGES)(self._reduced_at)
 
     def correct(self, stretch: Contradiction, T_i_j: Array) -> Correction | None:
         """What odometry's motion ``T_i_j`` across a stretch is to be replaced by; None: it stays.
@@ -111,10 +112,18 @@ class SecondLook:
 
     def _reduced_at(self, row: int) -> ReducedFrame:
         """A keyframe's pixels, and how fast it moved."""
+        return reduced(self._views(row)).moving(self._twists[row])
+
+    @cached_property
+    def _twists(self) -> Array:
+        """Of each frame (N, 6), by the frames of its segment."""
         odometry = self._odometry
-        inside = odometry.segment == odometry.segment[row]
-        poses = np.where(inside[:, None, None], odometry.T_segment_camera, np.nan)
-        return reduced(self._views(row)).moving(velocities(poses, odometry.frames)[row])
+        twists = np.zeros((len(odometry.frames), 6))
+        for segment in np.unique(odometry.segment):
+            inside = odometry.segment == segment
+            poses = np.where(inside[:, None, None], odometry.T_segment_camera, np.nan)
+            twists[inside] = velocities(poses, odometry.frames)[inside]
+        return twists
 
     def _other_motion(self, stretch: Contradiction) -> Edge | None:
         """An alternative near the motion that closures imply, else one registered from there."""
