@@ -13,7 +13,7 @@ from vnav.checking.quality import (
     look_at_frames,
     look_at_times,
 )
-from vnav.checking.rules import shift_text, sizes_text
+from vnav.checking.rules import lag_text, shift_text, sizes_text
 from vnav.core.camera import Camera
 from vnav.core.progress import Progress, silent
 from vnav.errors import CaptureError
@@ -150,12 +150,16 @@ def _seen(look: FrameFindings, units_per_metre: float) -> list[str]:
     if look.depth_m is not None:
         near, middle, far = look.depth_m
         depth = f"median {middle:.2f} m, nine tenths from {near:.2f} to {far:.2f} m"
-    shift = look.depth_shift
-    lies = "cannot be told" if shift is None else f"{shift_text(shift)} of colour"
     return [
         f"depth    {look.valid_depth_share:.0%} of pixels; {depth}"
         f" (units_per_metre = {units_per_metre:g})",
-        f"edges    where depth lies: {lies}",
+        f"edges    where depth lies: {_where_depth_lies(look)}",
         f"colour   {look.blurred_share:.0%} of frames blurred, {look.dark_share:.0%} dark",
         f"         (depth and colour of {look.sampled} frames, evenly chosen; files: all)",
     ]
+
+
+def _where_depth_lies(look: FrameFindings) -> str:
+    if look.depth_shift:
+        return f"{shift_text(look.depth_shift)} of colour"
+    return f"on {lag_text(look.depth_lag)}" if look.depth_lag else "cannot be told"

@@ -10,6 +10,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from vnav.checking.depth_lag import DepthLag, depth_lag, lagging_profiles, rows_to_compare
 from vnav.checking.depth_shift import DepthShift, EdgeProfiles, depth_shift, edge_profiles
 from vnav.core.arrays import Array
 from vnav.core.frame import Frame
@@ -62,7 +63,8 @@ class FrameFindings:
     """Depth and colour of the sampled frames.
 
     ``depth_m``: medians over the frames of their 5th, 50th and 95th percentile of depth, None
-    where there was no depth at all. ``depth_shift``: None where edges do not tell.
+    where there was no depth at all. ``depth_shift``: None where edges do not tell; then
+    ``depth_lag``: the frame whose colour it belongs with, None where that is its own.
     """
 
     sampled: int
@@ -72,6 +74,7 @@ class FrameFindings:
     blurred_share: float
     dark_share: float
     depth_shift: DepthShift | None
+    depth_lag: DepthLag | None = None
 
 
 def look_at_files(capture: FileBacked, progress: Progress) -> FileFindings:
@@ -127,6 +130,7 @@ def look_at_frames(capture: Capture, progress: Progress) -> FrameFindings:
     seen = measures[measures[:, 0] > 0, 1:4]
     near, middle, far = np.median(seen, 0) if len(seen) else (0.0, 0.0, 0.0)
     share, blurred, dark = (float(x) for x in _shares(measures))
+    shift = depth_shift([profiles for _, profiles in read])
     return FrameFindings(
         len(rows),
         tuple(str(row) for row in found if isinstance(row, CaptureError)),
@@ -134,8 +138,24 @@ def look_at_frames(capture: Capture, progress: Progress) -> FrameFindings:
         (float(near), float(middle), float(far)) if len(seen) else None,
         blurred,
         dark,
-        depth_shift([profiles for _, profiles in read]),
+        shift,
+        _lag(capture, progress) if shift is None else None,
     )
+
+
+def _lag(capture: Capture, progress: Progress) -> DepthLag | None:
+    """Of depth behind colour, by frames that can be read with their neighbours."""
+
+    def measure(row: int) -> list[EdgeProfiles] | None:
+        try:
+            return lagging_profiles(capture, row)
+        except CaptureError:
+            return None
+
+    rows = rows_to_compare(len(capture))
+    found = list(_in_threads(measure, rows, "comparing times", progress))
+    step_s = look_at_times(capture.stamps_s).median_step_s
+    return depth_lag([profiles for profiles in found if profiles], step_s)
 
 
 def blur(gray: NDArray[np.uint8]) -> float:

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from vnav.checking.depth_lag import DepthLag
 from vnav.checking.depth_shift import DepthShift
 from vnav.checking.quality import FileFindings, FrameFindings, Size
 from vnav.core.arrays import Array
@@ -16,6 +17,7 @@ USUAL_UNITS = (1000, 5000, 10000, 4000, 100)  # per metre, the most common first
 MANY_DROPPED, LITTLE_DEPTH, MANY_POOR = 0.1, 0.1, 0.3  # shares that are worth a warning
 FAR_OFF = 1 / 100  # of the image's width, that depth may lie beside colour: 6 px at 640
 CLEAR = 3  # standard deviations
+LATE_S = 0.05  # of depth beside colour: less is found and taken off when the map is made
 LONG_GAP_S, LONG_GAP_STEPS = 0.5, 10  # a gap longer than both is worth one too
 
 
@@ -126,7 +128,7 @@ def _of_look(look: FrameFindings) -> list[str]:
         found.append(f"{look.blurred_share:.0%} of the frames are blurred; move more slowly")
     if look.dark_share > MANY_POOR:
         found.append(f"{look.dark_share:.0%} of the frames are dark; give more light")
-    return [*found, *_of_registration(look.depth_shift)]
+    return [*found, *_of_registration(look.depth_shift), *_of_lag(look.depth_lag)]
 
 
 def _of_registration(shift: DepthShift | None) -> list[str]:
@@ -139,6 +141,22 @@ def _of_registration(shift: DepthShift | None) -> list[str]:
         f"edges of depth lie {shift_text(shift)} from those of colour; is depth registered as the"
         " camera says, are both of one moment? 'vnav check CAPTURE --png edges.png' shows them"
     ]
+
+
+def _of_lag(lag: DepthLag | None) -> list[str]:
+    if lag is None or abs(lag.time_s) <= LATE_S:
+        return []
+    return [
+        f"depth belongs with {lag_text(lag)}; were pairs shifted by a line, do both have one clock?"
+        f" Add {-lag.time_s:.3f} s to depth's time stamps, or record anew"
+    ]
+
+
+def lag_text(lag: DepthLag) -> str:
+    """The colour that depth belongs with, for people."""
+    count, way = abs(lag.frames), "before" if lag.frames > 0 else "after"
+    frames = "the frame" if count == 1 else f"{count} frames"
+    return f"the colour of {frames} {way} it, by {abs(lag.time_s):.3f} s"
 
 
 def shift_text(shift: DepthShift) -> str:

@@ -1,0 +1,80 @@
+"""A rendered capture whose depth is paired with the colour of other frames."""
+
+import dataclasses
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from vnav.checking.capture_report import inspect, summary
+from vnav.checking.depth_lag import REACH, DepthLag, depth_lag, lagging_profiles, rows_to_compare
+from vnav.config import CaptureConfig
+from vnav.core.frame import Frame
+from vnav.io.sources.capture import Capture
+from vnav.io.sources.derived import DerivedCapture
+from vnav.io.sources.open_capture import open_capture
+
+
+class Late(DerivedCapture):
+    """Frames with the depth of some frames before; of those after where ``by`` is below 0."""
+
+    def __init__(self, capture: Capture, by: int) -> None:
+        super().__init__(capture)
+        self._by, self._last = by, len(capture) - 1
+
+    def read(self, index: int) -> Frame:
+        earlier = super().read(min(max(index - self._by, 0), self._last))
+        return dataclasses.replace(super().read(index), depth_m=earlier.depth_m)
+
+
+@pytest.fixture(scope="module")
+def capture(tiny_capture: Path) -> Capture:
+    return open_capture(tiny_capture, CaptureConfig())
+
+
+def found(capture: Capture) -> DepthLag | None:
+    step_s = float(np.median(np.diff(capture.stamps_s)))
+    rows = rows_to_compare(len(capture))
+    return depth_lag([lagging_profiles(capture, row) for row in rows], step_s)
+
+
+@pytest.mark.parametrize("by", [-3, -1, 1, 4])
+def test_depth_of_other_frames_is_found(capture: Capture, by: int) -> None:
+    lag = found(Late(capture, by))
+    assert lag is not None
+    assert lag.frames == by
+    assert lag.time_s == pytest.approx(by * np.median(np.diff(capture.stamps_s)))
+
+
+def test_depth_of_the_same_moment_has_no_lag(capture: Capture) -> None:
+    assert found(capture) is None
+
+
+def test_a_capture_that_stands_still_tells_of_no_lag(capture: Capture) -> None:
+    class Still(DerivedCapture):
+        def read(self, index: int) -> Frame:
+            return super().read(0)
+
+    assert found(Still(capture)) is None
+
+
+def test_a_short_capture_tells_of_no_lag() -> None:
+    assert rows_to_compare(2 * REACH) == []
+    assert rows_to_compare(2 * REACH + 1) == [REACH]
+    assert depth_lag([], 0.1) is None
+
+
+def test_check_tells_of_late_depth(capture: Capture) -> None:
+    report = inspect(Late(capture, 3))
+    (warning,) = (text for text in report.warnings if "belongs with" in text)
+    step_s = report.timing.median_step_s
+    assert f"the colour of 3 frames before it, by {3 * step_s:.3f} s" in warning
+    assert f"Add -{3 * step_s:.3f} s to depth's time stamps" in warning
+    assert any("on the colour of 3 frames before it" in line for line in summary(report))
+
+
+def test_check_does_not_ask_where_depth_lies_on_its_own_colour(capture: Capture) -> None:
+    report = inspect(capture)
+    assert report.look is not None
+    assert report.look.depth_lag is None
+    assert not any("belongs with" in text for text in report.warnings)
