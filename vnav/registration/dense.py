@@ -52,10 +52,10 @@ def align(
     """How camera b stands to camera a by the surfaces and the brightness that both have seen.
 
     Gauss-Newton from the predicted ``T_a_b``, from coarse images to fine ones, under Cauchy's
-    kernel, which is as wide as the residuals are and narrows with them. Where the images leave a
-    direction open, as a bare wall does along itself, it is sought from either side. Where nothing
-    is found there, the prediction decides, and the information says how little it knows. Rejected
-    where too little overlaps or agrees, or where the prediction is contradicted.
+    kernel, which is as wide as the residuals are and narrows with them. The directions that they
+    know least, as a bare wall along itself, are sought from either side. Where the images leave
+    it open, the prediction decides, and the information says how little it knows. Rejected where
+    too little overlaps or agrees, or where the prediction is contradicted.
     """
     return _aligned(ImagePair.of(a, b, intrinsics), BLURS_PX, config, predicted)
 
@@ -72,10 +72,8 @@ def _aligned(
 ) -> DenseEstimate | Rejected:
     levels = [images.terms(blur_px, config.depth_sigma_per_m2) for blur_px in blurs_px]
     T_a_b = _coarse_to_fine(levels, se3.orthonormal(predicted), predicted)
+    T_a_b = _from_all_sides(levels, T_a_b, predicted)
     known, axes, _ = _image_information(levels[-1], T_a_b)
-    if known.min() <= WELL_CONSTRAINED:
-        T_a_b = _from_both_sides(levels, T_a_b, axes[:, 0], predicted)
-        known, axes, _ = _image_information(levels[-1], T_a_b)
     overlap, agreeing = levels[-1][0].agreement(T_a_b)
     if overlap < MIN_OVERLAP:
         return Rejected("too little depth in common")
@@ -93,12 +91,15 @@ def _coarse_to_fine(levels: Sequence[Terms], T_a_b: Array, predicted: Array) -> 
     return T_a_b
 
 
-def _from_both_sides(levels: Sequence[Terms], T_a_b: Array, axis: Array, predicted: Array) -> Array:
-    """The motion that is found from beside ``T_a_b`` along an open axis, if it is clearly better.
+def _from_all_sides(levels: Sequence[Terms], T_a_b: Array, predicted: Array) -> Array:
+    """The motion that is found from beside ``T_a_b``, where the images know least, if it is better.
 
-    What stands out of a wall draws surfaces back only from where they overlap its slopes.
+    What stands out of a wall draws surfaces back only from where they overlap its slopes, and the
+    bars of a window have a minimum beside the least one.
     """
-    beside = [T_a_b @ se3.exp(side * axis * MOTION_SIGMAS) for side in (-1, 1)]
+    known, axes, _ = _image_information(levels[-1], T_a_b)
+    steps = np.array([side * d for d in _directions(known, axes) for side in (-1, 1)])
+    beside = [T_a_b @ se3.exp(step * MOTION_SIGMAS) for step in steps]
     found = [T_a_b]
     for start in beside:
         T = _coarse_to_fine(levels, start, start)  # the prediction would draw it back at once
@@ -109,6 +110,19 @@ def _from_both_sides(levels: Sequence[Terms], T_a_b: Array, axis: Array, predict
     for term in levels[-1]:
         term.adapt(chosen)
     return chosen
+
+
+def _directions(known: Array, axes: Array) -> Array:
+    """Unit steps (D, 6) along which the images know little, or the one that they know least.
+
+    A wall leaves three directions open, and which axes span these is chance. The motions that lie
+    mostly in that space are not, such as those along the camera's own axes.
+    """
+    little = axes[:, known <= max(WELL_CONSTRAINED, known.min())]
+    along = little @ little.T
+    share = np.diag(along)
+    mostly = share >= min(0.5, share.max())
+    return np.asarray(along[mostly] / np.sqrt(share[mostly])[:, None])
 
 
 def _cost(terms: Terms, T_a_b: Array, predicted: Array) -> float:
