@@ -35,7 +35,8 @@ def capture(tiny_capture: Path) -> Capture:
 def found(capture: Capture) -> DepthLag | None:
     step_s = float(np.median(np.diff(capture.stamps_s)))
     rows = rows_to_compare(len(capture))
-    return depth_lag([lagging_profiles(capture, row) for row in rows], step_s)
+    profiles = (lagging_profiles(capture, row) for row in rows)
+    return depth_lag([each for each in profiles if each], step_s)
 
 
 @pytest.mark.parametrize("by", [-3, -1, 1, 4])
@@ -56,6 +57,24 @@ def test_a_capture_that_stands_still_tells_of_no_lag(capture: Capture) -> None:
             return super().read(0)
 
     assert found(Still(capture)) is None
+
+
+def test_frames_of_two_sizes_are_not_held_against_each_other(capture: Capture) -> None:
+    """The larger part tells; a place where sizes change does not."""
+
+    class HalfAsLarge(Late):
+        def read(self, index: int) -> Frame:
+            frame = super().read(index)
+            if index < len(self) - 2 * REACH:
+                return frame
+            width, height = (side // 2 for side in frame.intrinsics.size)
+            color, depth_m = frame.color[::2, ::2], frame.depth_m[::2, ::2]
+            smaller = frame.intrinsics.scaled(width, height)
+            return dataclasses.replace(frame, color=color, depth_m=depth_m, intrinsics=smaller)
+
+    lag = found(HalfAsLarge(capture, 2))
+    assert lag is not None
+    assert lag.frames == 2
 
 
 def test_a_short_capture_tells_of_no_lag() -> None:

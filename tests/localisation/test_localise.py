@@ -133,12 +133,13 @@ def test_a_view_of_what_only_one_of_two_rooms_has_is_located(furnished_twins):
 
 
 @pytest.mark.parametrize("search", sorted(SEARCHES))
-def test_a_view_of_what_both_rooms_have_is_ambiguous(furnished_twins, search):
+@pytest.mark.parametrize("enough", [25, CONFIG.enough_matches])
+def test_a_view_of_what_both_rooms_have_is_ambiguous(furnished_twins, search, enough):
     """By any search: one that has enough in the first room that matches is told of the other."""
     T_true = furnished_twins.looking((0.3, -0.2, 1.4), 185.0)
     features, _ = furnished_twins.seen(T_true, furnished_twins.things, np.random.default_rng(13))
-    few = dataclasses.replace(CONFIG, search=search, enough_matches=25)
-    result, _ = asked(furnished_twins, features, config=few)
+    config = dataclasses.replace(CONFIG, search=search, enough_matches=enough)
+    result, _ = asked(furnished_twins, features, config=config)
     assert isinstance(result, NotLocated)
     assert result.reason == "ambiguous"
 

@@ -1,4 +1,4 @@
-"""Points seen by a camera that was given the wrong focal length or principal point."""
+"""Points seen by a camera that was given the wrong focal length, principal point or lens."""
 
 from dataclasses import replace
 

@@ -4,14 +4,14 @@ Depth that was taken earlier, or paired a line too far, meets the edges of anoth
 better than those of its own, while the camera moves.
 """
 
-import dataclasses
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from scipy.ndimage import uniform_filter1d
 
-from vnav.checking.depth_shift import DRAWS, SEED, WIDENED, EdgeProfiles, edge_profiles
+from vnav.checking.depth_edges import depth_edges
+from vnav.checking.depth_shift import WIDENED, EdgeProfiles, draws, profiles_across
 from vnav.core.arrays import Array
 from vnav.io.sources.capture import Capture
 
@@ -38,24 +38,30 @@ def rows_to_compare(count: int) -> list[int]:
 
 
 def lagging_profiles(capture: Capture, row: int) -> list[EdgeProfiles]:
-    """Of one frame's depth on the colour of the frames from `REACH` before to `REACH` after it."""
-    frame = capture.read(row)
-    colors = (capture.read(row + k).color for k in range(-REACH, REACH + 1))
-    return [edge_profiles(dataclasses.replace(frame, color=color)) for color in colors]
+    """Of one frame's depth on the colour of the frames from `REACH` before to `REACH` after it.
+
+    None where these are not all of one size.
+    """
+    frames = [capture.read(row + k) for k in range(-REACH, REACH + 1)]
+    if len({frame.intrinsics.size for frame in frames}) > 1:
+        return []
+    edges = depth_edges(frames[REACH].depth_m)
+    return [profiles_across(edges, frame.color) for frame in frames]
 
 
 def depth_lag(profiles: Sequence[Sequence[EdgeProfiles]], step_s: float) -> DepthLag | None:
     """The lag that nearly all draws of frames agree on, to a frame; None where it may be 0.
 
-    ``profiles``: of some frames, as of `lagging_profiles`; ``step_s``: from one to the next.
+    ``profiles``: of some frames, as of `lagging_profiles`, those of the first one's size count;
+    ``step_s``: from one frame to the next.
     """
+    profiles = [each for each in profiles if each[0].width == profiles[0][0].width]
     if not profiles:
         return None
     sums = np.array([[each.sums for each in frame] for frame in profiles])
     counts = np.array([[each.count for each in frame] for frame in profiles], float)
     reach = 2 * round(WIDENED * profiles[0][0].width / 2) + 1
-    rng = np.random.default_rng(SEED)
-    drawn = rng.integers(0, len(profiles), (DRAWS, len(profiles)))
+    drawn = draws(len(profiles))
     best = np.array([_best(_meeting(sums[rows], counts[rows], reach)) for rows in drawn])
     lag = int(np.bincount(best).argmax())
     agree = (best != REACH) & (np.abs(best - lag) <= 1)

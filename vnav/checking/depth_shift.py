@@ -53,11 +53,15 @@ class EdgeProfiles:
 
 def edge_profiles(frame: Frame) -> EdgeProfiles:
     """What a frame tells of how depth lies on colour."""
-    height, width = frame.depth_m.shape
+    return profiles_across(depth_edges(frame.depth_m), frame.color)
+
+
+def profiles_across(edges: NDArray[np.bool_], color: NDArray[np.uint8]) -> EdgeProfiles:
+    """Of edges (4, H, W) as of `depth_edges`, on colour (H, W, 3)."""
+    width = color.shape[1]
     reach = max(2, round(REACH * width))
-    gray = cv2.cvtColor(np.asarray(frame.color), cv2.COLOR_RGB2GRAY).astype(np.float32)
+    gray = cv2.cvtColor(np.asarray(color), cv2.COLOR_RGB2GRAY).astype(np.float32)
     gray = np.asarray(cv2.GaussianBlur(gray, (0, 0), max(1.0, width / 640)), np.float32)
-    edges = depth_edges(frame.depth_m)
     looks = (gray, edges[0], 0), (gray, edges[1], 1), (gray.T, edges[3].T, 1)
     found = [_profiles(*look, reach) for look in looks]
     return EdgeProfiles(
@@ -90,13 +94,17 @@ def depth_shift(profiles: Sequence[EdgeProfiles]) -> DepthShift | None:
     width = profiles[0].width
     if counts.sum(0).min() < FEWEST_EDGES:
         return None
-    rng = np.random.default_rng(SEED)
-    drawn = rng.integers(0, len(profiles), (DRAWS, len(profiles)))
+    drawn = draws(len(profiles))
     varied = np.std([_shift(sums[rows], counts[rows], width) for rows in drawn], axis=0)
     sigma = np.hypot(varied, WHOLE_PX)
     if sigma.max() > VAGUE * width:
         return None
     return DepthShift(_shift(sums, counts, width), (float(sigma[0]), float(sigma[1])), width)
+
+
+def draws(count: int) -> NDArray[np.intp]:
+    """So many frames, drawn `DRAWS` times with replacement (DRAWS, count): the bootstrap."""
+    return np.random.default_rng(SEED).integers(0, count, (DRAWS, count))
 
 
 def _shift(sums: Array, counts: Array, width: int) -> tuple[float, float]:

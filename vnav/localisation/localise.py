@@ -19,13 +19,12 @@ def localise(
     well. Without one, the map may repeat itself, and all features are tried. ``prior``: of the
     photos before; it has a say in the verdict alone, on poses that were found without it.
     """
-    features = query.photo.features
-    if len(features) < query.config.min_features:
+    if len(query.photo.features) < query.config.min_features:
         return NotLocated("too few features")
     searched = search(query)
     poses = verify(hypothesise(searched.candidates, [], query, rng), query, rng)
     best = confirmed(poses, query)
-    asked = best.matches.feature if best else np.arange(len(features))
+    asked = best.matches.feature if best else query.all_features
     repeated = search_repeated(asked, min_matches(poses), query)
     poses += verify(hypothesise(repeated.candidates, poses, query, rng), query, rng)
     return decide(poses, searched if best else repeated, query, prior)

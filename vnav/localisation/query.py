@@ -7,6 +7,7 @@ from typing import Protocol
 import numpy as np
 
 from vnav.config import LocateConfig
+from vnav.core.arrays import Rows
 from vnav.core.tree import VocabularyTree
 from vnav.localisation.database import LandmarkDatabase
 from vnav.localisation.matches import Correspondences2D3D, Matches
@@ -37,6 +38,11 @@ class Query:
     photo: Photo
     database: LandmarkDatabase
     config: LocateConfig
+
+    @property
+    def all_features(self) -> Rows:
+        """The rows of all features of the photo."""
+        return np.arange(len(self.photo.features))
 
     @property
     def inlier_threshold_px(self) -> float:

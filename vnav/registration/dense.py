@@ -53,9 +53,9 @@ def align(
 
     Gauss-Newton from the predicted ``T_a_b``, from coarse images to fine ones, under Cauchy's
     kernel, which is as wide as the residuals are and narrows with them. The directions that they
-    know least, as a bare wall along itself, are sought from either side. Where the images leave
-    it open, the prediction decides, and the information says how little it knows. Rejected where
-    too little overlaps or agrees, or where the prediction is contradicted.
+    know least, as a bare wall along itself, are sought from either side. Where one is open all the
+    same, the prediction decides, and the information says how little it knows. Rejected where too
+    little overlaps or agrees, or where the prediction is contradicted.
     """
     return _aligned(ImagePair.of(a, b, intrinsics), BLURS_PX, config, predicted)
 

@@ -9,7 +9,6 @@ from typing import Protocol
 import numpy as np
 
 from vnav.config.registries import SEARCHES, registered
-from vnav.core.arrays import Rows
 from vnav.localisation.matches import Matches, no_matches
 from vnav.localisation.query import Query
 from vnav.localisation.search.matches_2d_3d import BATCH, match_2d_3d, match_in_ranges, until_enough
@@ -39,7 +38,7 @@ class CompoundSearch:
 
     def matches(self, query: Query) -> Matches:
         """By words of the photo's features."""
-        return match_2d_3d(all_features(query), 1, query)
+        return match_2d_3d(query.all_features, 1, query)
 
     def completed(self, found: Matches, query: Query) -> Matches:
         """With the matches of the landmarks nearby."""
@@ -52,7 +51,7 @@ class InterleavedSearch:
     def matches(self, query: Query) -> Matches:
         """Features with the fewest candidates first, until one cluster has enough matches."""
         span = query.database.index.span[query.photo.paths[:, query.level_2d_3d]]
-        in_turn = match_in_ranges(all_features(query), span[:, None], 1, query)
+        in_turn = match_in_ranges(query.all_features, span[:, None], 1, query)
         return until_enough(_with_those_around(in_turn, query), query)
 
     def completed(self, found: Matches, query: Query) -> Matches:
@@ -65,7 +64,7 @@ class SearchOf2d3d:
 
     def matches(self, query: Query) -> Matches:
         """By words of the photo's features."""
-        return match_2d_3d(all_features(query), 1, query)
+        return match_2d_3d(query.all_features, 1, query)
 
     def completed(self, found: Matches, query: Query) -> Matches:
         """As they are."""
@@ -101,16 +100,11 @@ class TreeSearch:
         """By the descriptors in the leaves."""
         leaves = query.database.tree.nearest_leaves(query.photo.features.descriptors, LEAVES)
         span = query.database.index.span[leaves] * (leaves >= 0)[:, :, None]
-        return until_enough(match_in_ranges(all_features(query), span, 1, query), query)
+        return until_enough(match_in_ranges(query.all_features, span, 1, query), query)
 
     def completed(self, found: Matches, query: Query) -> Matches:
         """As they are."""
         return found
-
-
-def all_features(query: Query) -> Rows:
-    """The rows of all features of the photo."""
-    return np.arange(len(query.photo.features))
 
 
 def _with_those_around(in_turn: Iterator[Matches], query: Query) -> Iterator[Matches]:
