@@ -41,6 +41,15 @@ def view_overlap(
     return overlap
 
 
+def are_apart(odometry: Odometry, exclude_s: float) -> NDArray[np.bool_]:
+    """Which keyframes (K, K) are far apart in time, or of different segments or captures."""
+    frames, rows = odometry.frames, odometry.keyframe_rows
+    stamp_s, segment, capture = frames.stamp_s[rows], odometry.segment[rows], frames.capture[rows]
+    apart = np.abs(stamp_s[:, None] - stamp_s) > exclude_s
+    apart |= segment[:, None] != segment
+    return np.asarray(apart | (capture[:, None] != capture))
+
+
 def _sampled_points(keyframe: FrameFeatures) -> NDArray[np.float32]:
     """About `SAMPLE` (S, 3) of a keyframe's 3D points."""
     points = keyframe.points_camera[keyframe.has_depth]

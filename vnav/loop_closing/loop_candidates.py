@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from vnav.config import LoopsConfig
 from vnav.core.mapping import Odometry
 from vnav.core.tree import VocabularyTree
+from vnav.core.view_overlap import are_apart
 from vnav.features.appearance import tfidf_similarity
 
 
@@ -59,12 +60,3 @@ def by_proximity(
             if overlap[j, i] >= config.proximity_overlap and pair not in tried:
                 found[pair] = LoopCandidate(*pair, "proximity", float(overlap[j, i]))
     return [found[pair] for pair in sorted(found)]
-
-
-def are_apart(odometry: Odometry, exclude_s: float) -> NDArray[np.bool_]:
-    """Which keyframes (K, K) are far apart in time, or of different segments or captures."""
-    frames, rows = odometry.frames, odometry.keyframe_rows
-    stamp_s, segment, capture = frames.stamp_s[rows], odometry.segment[rows], frames.capture[rows]
-    apart = np.abs(stamp_s[:, None] - stamp_s) > exclude_s
-    apart |= segment[:, None] != segment
-    return np.asarray(apart | (capture[:, None] != capture))

@@ -16,8 +16,9 @@ from vnav.core.camera import Intrinsics
 from vnav.core.frame import Edge, PoseEstimate, Rejected
 from vnav.core.mapping import FrameFeatures, LoopVerdict, Odometry
 from vnav.core.progress import Progress, silent
+from vnav.core.view_overlap import are_apart
 from vnav.features.matching import DescriptorMatcher
-from vnav.loop_closing.loop_candidates import LoopCandidate, are_apart
+from vnav.loop_closing.loop_candidates import LoopCandidate
 from vnav.registration.judge import CLEAR
 from vnav.registration.points3d import PointRegistration
 

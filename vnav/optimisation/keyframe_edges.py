@@ -1,6 +1,7 @@
 """Relative poses of keyframes, which bundle adjustment keeps where landmarks are too few."""
 
 from collections.abc import Iterable
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -32,6 +33,14 @@ def keyframe_edges(poses: Array, odometry: Odometry, closed: set[Pair]) -> list[
         in_time = set(pairwise(range(len(rows))))
         edges |= _of_odometry(odometry, _both(posed, neighbours | in_time))
     return [edges[pair] for pair in sorted(edges)]
+
+
+def by_number(edges: Iterable[Edge], rows: NDArray[np.intp]) -> list[Edge]:
+    """Edges between rows of frames, between the keyframes (K,) of these rows; no others."""
+    number = {row: k for k, row in enumerate(rows.tolist())}
+    return [
+        replace(e, i=number[e.i], j=number[e.j]) for e in edges if e.i in number and e.j in number
+    ]
 
 
 def _neighbours(segment: NDArray[np.int32]) -> set[Pair]:

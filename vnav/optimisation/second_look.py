@@ -20,6 +20,7 @@ from vnav.features.matching import DescriptorMatcher
 from vnav.optimisation.camera_motion import velocities
 from vnav.optimisation.contradictions import Contradiction
 from vnav.optimisation.cycles import are_wrong
+from vnav.optimisation.revisits import Revisits, find_revisits, surface_edges
 from vnav.optimisation.segments import Inside, same_pose
 from vnav.registration.dense import align
 from vnav.registration.judge import CLEAR, judge
@@ -104,6 +105,15 @@ class SecondLook:
         into = best_into(e for e in edges if stretch.i <= e.i and e.j <= stretch.j)
         p = np.clip(min(into.values(), default=0.5), 1 - SURE, SURE)
         return float(np.log(p / (1 - p)))
+
+    def revisits(self, poses: Array, depth_delay_s: float) -> Revisits:
+        """Keyframes that see one place at different times, by poses (N, 4, 4) of all frames."""
+        odometry, cameras = self._odometry, self._cameras
+        return find_revisits(odometry, poses, depth_delay_s, cameras, self._moving, self._config)
+
+    def surface_edges(self, revisits: Revisits) -> list[Edge]:
+        """Edges between these by their surfaces."""
+        return surface_edges(revisits, self._moving, self._config.registration)
 
     def log_odds(self, i: int, j: int, motions: Sequence[Array]) -> Array:
         """Of each motion (C,) from keyframe i to j against each (C + 1, C + 1), none the last."""

@@ -19,7 +19,7 @@ from vnav.optimisation.camera_motion import velocities
 from vnav.optimisation.culling import needed_keyframes
 from vnav.optimisation.displacement import displacements, without_displacement
 from vnav.optimisation.feature_tracks import FeatureTracks, merged
-from vnav.optimisation.keyframe_edges import keyframe_edges
+from vnav.optimisation.keyframe_edges import by_number, keyframe_edges
 from vnav.optimisation.landmarks import AdjustedBundle, adjust_landmarks
 from vnav.optimisation.parts import (
     attach_degenerate_frames,
@@ -39,7 +39,8 @@ class Solution:
 
     ``robust``: what odometry and closures gave before keyframes were adjusted; ``other_parts``:
     rows of the parts that no closure joins to it, by name, the largest first; ``prior``: of
-    keyframes whose poses were given.
+    keyframes whose poses were given; ``surfaces``: edges by surfaces that contradicted the poses
+    without them.
     """
 
     poses: Array
@@ -48,6 +49,7 @@ class Solution:
     closures: tuple[Edge, ...]
     other_parts: dict[str, NDArray[np.intp]]
     prior: PosePrior | None = None
+    surfaces: tuple[Edge, ...] = ()
 
 
 def solve(
@@ -62,6 +64,7 @@ def solve(
 ) -> Solution:
     """Robust pose graph, bundle adjustment of the keyframes, then the frames between them.
 
+    Once more with surfaces that were seen from two sides, where these contradict the result.
     ``matches`` (M, 4): keyframe, feature, keyframe, feature; ``cameras``: one a capture. There is
     no pose graph where poses are given: `config.OptimiseConfig.given_poses` says whether they stay
     as they are or are a prior. ``depth_of``: a keyframe's depth image by its row; without these
@@ -77,15 +80,29 @@ def solve(
     in_main, other_parts = split_parts(robust.part, odometry.T_world_before)
     poses = np.where(in_main[:, None, None], graph.T_world_camera, np.nan)
     progress("optimise", 1, 3)
-    adjusted = adjustment.of_keyframes(poses, kept)
-    progress("optimise", 2, 3)
     edges = [e for e in (*odometry.edges, *kept) if in_main[e.i] and in_main[e.j]]
-    edges = adjustment.undisplaced(edges, poses, adjusted)
-    poses = follow_keyframes(poses, adjusted.T_world_camera, odometry, edges)
+    adjusted, poses, still = adjustment.of_frames(poses, kept, edges)
+    progress("optimise", 2, 3)
+    surfaces = [] if look is None else _contradicting_surfaces(poses, adjusted, kept, look)
+    if surfaces:
+        graph = pose_graph.optimise(poses, still, surfaces, config.optimise.max_closure_sigmas)
+        surfaces = list(compress(surfaces, graph.kept))
+        adjusted, poses, _ = adjustment.of_frames(graph.T_world_camera, kept, edges, surfaces)
     most = config.odometry.max_degenerate_frames
     poses, other_parts = attach_degenerate_frames(poses, odometry, other_parts, most)
     progress("optimise", 3, 3)
-    return Solution(poses, adjusted, robust, kept, other_parts)
+    return Solution(poses, adjusted, robust, kept, other_parts, surfaces=tuple(surfaces))
+
+
+def _contradicting_surfaces(
+    poses: Array, adjusted: AdjustedBundle, closures: Sequence[Edge], look: SecondLook
+) -> list[Edge]:
+    """Edges by the surfaces of keyframes that no closure joins; none where these bear poses out."""
+    revisits = look.revisits(poses, adjusted.sensor.errors.depth_delay_s)
+    if not revisits.contradict:
+        return []
+    closed = {(e.i, e.j) for e in closures}
+    return [e for e in look.surface_edges(revisits) if (e.i, e.j) not in closed]
 
 
 def _solve_given(
@@ -116,12 +133,33 @@ class _Adjustment:
     config: Config
     depth_of: DepthOf | None
 
+    def of_frames(
+        self,
+        poses: Array,
+        closures: Sequence[Edge],
+        edges: Sequence[Edge],
+        surfaces: Sequence[Edge] = (),
+    ) -> tuple[AdjustedBundle, Array, list[Edge]]:
+        """The keyframes as `of_keyframes`, poses (N, 4, 4) that follow them by edges, and these.
+
+        As a sensor without delays would have measured them.
+        """
+        adjusted = self.of_keyframes(poses, closures, surfaces=surfaces)
+        still = self._undisplaced(edges, poses, adjusted)
+        followed = follow_keyframes(poses, adjusted.T_world_camera, self.odometry, still)
+        return adjusted, followed, still
+
     def of_keyframes(
-        self, poses: Array, closures: Sequence[Edge], prior: PosePrior | None = None
+        self,
+        poses: Array,
+        closures: Sequence[Edge],
+        prior: PosePrior | None = None,
+        surfaces: Sequence[Edge] = (),
     ) -> AdjustedBundle:
         """By the matches of closures that were kept, from poses (N, 4, 4) of all frames.
 
-        Of very many keyframes, those that it can do without are left out.
+        ``surfaces``: further edges between keyframes. Of very many keyframes, those that it can do
+        without are left out.
         """
         number = {row: k for k, row in enumerate(self.odometry.keyframe_rows.tolist())}
         keyframes, most = self.odometry.keyframes, self.config.optimise.max_keyframes
@@ -133,7 +171,7 @@ class _Adjustment:
         needed = needed_keyframes(tracks, most)
         among = self._among(needed, matches)
         among_tracks = [tracks[k] for k in needed]
-        adjusted = among._adjusted(poses, among_tracks, prior and prior.among(needed))
+        adjusted = among._adjusted(poses, among_tracks, prior and prior.among(needed), surfaces)
         return adjusted.of_all(needed, len(keyframes))
 
     def _among(self, needed: NDArray[np.intp], matches: NDArray[np.int32]) -> "_Adjustment":
@@ -144,21 +182,26 @@ class _Adjustment:
         return replace(self, odometry=replace(self.odometry, keyframes=keyframes), matches=between)
 
     def _adjusted(
-        self, poses: Array, of_keyframes: Sequence[NDArray[np.int32]], prior: PosePrior | None
+        self,
+        poses: Array,
+        of_keyframes: Sequence[NDArray[np.int32]],
+        prior: PosePrior | None,
+        surfaces: Sequence[Edge],
     ) -> AdjustedBundle:
-        """All keyframes, by the tracks of their features."""
+        """All keyframes, by the tracks of their features, and surfaces between them."""
         rows = self.odometry.keyframe_rows
         tracks = FeatureTracks(self.odometry.keyframes, of_keyframes, self._sensor(poses))
         model = SensorModel(self._intrinsics, self.config.registration)
         closed = set(map(tuple, np.unique(self.matches[:, [0, 2]], axis=0).tolist()))
-        edges = keyframe_edges(poses, self.odometry, closed)
+        edges = keyframe_edges(poses, self.odometry, closed) + by_number(surfaces, rows)
         return adjust_landmarks(poses[rows], tracks, edges, model, self.config.optimise, prior)
 
-    def undisplaced(self, edges: list[Edge], poses: Array, adjusted: AdjustedBundle) -> list[Edge]:
-        """The edges as a sensor without delays would have measured them."""
+    def _undisplaced(
+        self, edges: Sequence[Edge], poses: Array, adjusted: AdjustedBundle
+    ) -> list[Edge]:
         sensor, errors = self._sensor(poses), adjusted.sensor.errors
         if sensor is None or not errors.delayed:
-            return edges
+            return list(edges)
         twists = velocities(poses, self.odometry.frames)
         rows = self.odometry.keyframe_rows
         return without_displacement(edges, displacements(sensor, errors, twists, rows))

@@ -25,6 +25,11 @@ def solution_report(solution: Solution, result: OptimisedMap, odometry: Odometry
         of = len(odometry.keyframes)
         lines.append(f"{culled} of {of} keyframes are left out of it: others see what they see")
     lines += _mended_lines(solution, odometry, LEFT_OUT, REGISTERED_AGAIN)
+    if surfaces := values["surface_edges"]:
+        lines.append(
+            f"surfaces seen from two sides disagreed: adjusted once more, by {surfaces} pairs of"
+            " keyframes that see one"
+        )
     lines += sensor_lines(solution.adjusted.sensor)
     if solution.prior:
         rad, m = solution.prior.sigmas[[0, 3]]
@@ -47,6 +52,7 @@ def _values(solution: Solution, result: OptimisedMap) -> dict[str, Any]:
         "graph_error_after": solution.robust.graph.error_after,
         **_sensor_values(adjusted.sensor),
         "camera_fits": [vars(fit) for fit in adjusted.camera_fits],
+        "surface_edges": len(solution.surfaces),
         "landmarks": len(adjusted.landmarks),
         "observations": adjusted.observations,
         "rms_px_before": adjusted.rms_px_before if adjusted.observations else None,

@@ -12,14 +12,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from vnav.checking.motions import Seen, contradicting_loops, unborne_steps
+from vnav.checking.motions import contradicting_loops, unborne_steps
 from vnav.config import Config
-from vnav.core.arrays import Array, evenly
+from vnav.core.arrays import evenly
 from vnav.core.frame import Edge
 from vnav.core.graph import best_into, ends_of
-from vnav.core.mapping import CONTRADICTS, LOST, Odometry
+from vnav.core.mapping import CONTRADICTS, Odometry
 from vnav.core.reduced_frame import ReducedFrame
-from vnav.core.view_overlap import view_overlap
 from vnav.io.store.artifacts import (
     load_keyframe,
     load_loop_edges,
@@ -29,17 +28,13 @@ from vnav.io.store.artifacts import (
     map_cameras,
 )
 from vnav.io.store.map_folder import MapFolder
-from vnav.loop_closing.loop_candidates import are_apart
 from vnav.optimisation.camera_fit import CameraFit
 from vnav.optimisation.camera_motion import velocities
+from vnav.optimisation.revisits import Revisits, find_revisits
 from vnav.registration.reduction import reduced
-from vnav.registration.surface_agreement import Agreement, agreements, disagreeing
 from vnav.tracking.pose_choice import UNSURE
 
-MOST_PAIRS = 150  # of keyframes, and of rejected loops, that are looked at
-MIN_OVERLAP = 0.3  # share of the view that both see
-NEIGHBOURS = 1, 2  # keyframes onward that tell what is usual
-DISAGREEING, LEAST_DISAGREEING = 0.2, 2  # share of revisits, and number, that speak against a map
+MOST_LOOPS = 150  # rejected ones, that are looked at
 LEAST_CONTRADICTING = 5  # rejected loops that do; chance makes 1.5 of 150
 LEAST_UNSURE = 2  # frames in doubt that do
 WRONG_CAMERA, SURE_SIGMAS = 0.025, 5.0  # off by: of the focal length, and standard deviations
@@ -76,15 +71,16 @@ def assess(folder: MapFolder, config: Config) -> Quality:
     def seen(row: int) -> ReducedFrame:
         return reduced(load_keyframe(folder, row, odometry.frames)).moving(twists[row])
 
-    revisits, neighbours = _compared(folder, odometry, poses, seen, config)
-    apart = disagreeing(revisits, neighbours)
+    optimised = folder.report("optimise").get("values", {})
+    delay_s, cameras = optimised.get("depth_delay_s", 0.0), map_cameras(folder)
+    revisits = find_revisits(odometry, poses, delay_s, cameras, seen, config)
     loops, rejected = _loops(folder)
-    against = contradicting_loops(evenly(rejected, MOST_PAIRS), poses, seen, registration)
+    against = contradicting_loops(evenly(rejected, MOST_LOOPS), poses, seen, registration)
     unborne = unborne_steps(rows, odometry.segment, poses, seen, registration)
     unsure = unsure_rows(odometry)
-    wrong = _wrong_fits(folder)
+    wrong = _wrong_fits(optimised)
     told = (
-        _disagreement(apart, revisits, odometry),
+        _disagreement(revisits, odometry),
         _contradiction(against, odometry),
         _unborne(unborne, odometry),
         _uncertainty(unsure, odometry),
@@ -94,8 +90,8 @@ def assess(folder: MapFolder, config: Config) -> Quality:
     values = {
         "verdict": "doubtful" if doubts else "good",
         "doubts": list(doubts),
-        "revisits": len(revisits),
-        "revisits_disagreeing": len(apart),
+        "revisits": len(revisits.pairs),
+        "revisits_disagreeing": len(revisits.disagreeing),
         "loops": loops,
         "loops_rejected": len(rejected),
         "loops_contradicting": len(against),
@@ -112,10 +108,9 @@ def unsure_rows(odometry: Odometry) -> NDArray[np.intp]:
     return np.array(sorted(row for row, p in best.items() if p < UNSURE), np.intp)
 
 
-def _wrong_fits(folder: MapFolder) -> list[CameraFit]:
+def _wrong_fits(optimised: dict[str, Any]) -> list[CameraFit]:
     """Of cameras that the images contradict, by so much that they bend the map."""
-    values = folder.report("optimise").get("values", {})
-    fits = [CameraFit(**told) for told in values.get("camera_fits", [])]
+    fits = [CameraFit(**told) for told in optimised.get("camera_fits", [])]
     return [fit for fit in fits if _is_wrong(fit).any()]
 
 
@@ -131,33 +126,13 @@ def _loops(folder: MapFolder) -> tuple[int, list[Edge]]:
     return len(found), list(compress(edges, (not v.accepted for v in found)))
 
 
-def _compared(
-    folder: MapFolder, odometry: Odometry, poses: Array, seen: Seen, config: Config
-) -> tuple[list[Agreement], list[Agreement]]:
-    """How keyframes agree with those that see the same at another time, and with the next."""
-    rows = odometry.keyframe_rows
-    part = np.where(np.isfinite(poses[:, 0, 0]), 0, LOST).astype(np.int32)
-    overlap = view_overlap(odometry, poses, part, map_cameras(folder))
-
-    def compare(wanted: NDArray[np.bool_]) -> list[Agreement]:
-        pairs = evenly(rows[np.argwhere(wanted)].tolist(), MOST_PAIRS)
-        return agreements(pairs, poses, seen, config.registration)
-
-    apart = are_apart(odometry, config.loops.exclude_s)
-    again = np.triu(apart & (overlap >= MIN_OVERLAP))
-    on = np.zeros_like(again)
-    for step in NEIGHBOURS:
-        on |= np.eye(len(rows), k=step, dtype=bool) & (overlap >= MIN_OVERLAP) & ~apart
-    return compare(again), compare(on)
-
-
-def _disagreement(apart: Sequence[Agreement], of: Sequence[Agreement], odometry: Odometry) -> str:
-    if len(apart) <= max(DISAGREEING * len(of), LEAST_DISAGREEING - 1):
+def _disagreement(revisits: Revisits, odometry: Odometry) -> str:
+    if not revisits.contradict:
         return ""
-    where = _within([(a.i, a.j) for a in apart], odometry)
+    apart, of = revisits.disagreeing, len(revisits.pairs)
     return (
-        f"{len(apart)} of {len(of)} pairs of keyframes that see one place again disagree on it,"
-        f" within {where}; record the place anew, slower and with a loop"
+        f"{len(apart)} of {of} pairs of keyframes that see one place again disagree on it,"
+        f" within {_within(apart, odometry)}; record the place anew, slower and with a loop"
     )
 
 

@@ -26,6 +26,8 @@ BLURS_PX = (12.0, 6.0, 3.0, 1.5)  # of the images that are compared, from coarse
 BLURS_BLOCKS = (3.0, 1.5)  # of frames in blocks
 ITERATIONS = 20  # at each of them
 MIN_OVERLAP = 0.4  # share of the points that fall on a surface of the other image
+MIN_SURFACE = 0.1  # the same, of surfaces alone
+SAME_SURFACE_SIGMAS = 6.0  # of inverse depth, that a point may lie off the surface it is of
 MIN_INLIERS = 0.8  # share of those that lie on it
 WELL_CONSTRAINED = 100.0  # times the prediction's information, in every direction
 
@@ -67,15 +69,37 @@ def align_reduced(
     return _aligned(ImagePair.of_blocks(a, b), BLURS_BLOCKS, config, predicted)
 
 
+def align_surfaces(
+    a: ReducedFrame, b: ReducedFrame, config: RegistrationConfig, predicted: Array
+) -> DenseEstimate | Rejected:
+    """How camera b stands to a by their surfaces alone, near to a prediction that is nearly right.
+
+    For views from two sides, whose brightness differs. A surface that is far from the other by the
+    prediction is another one, which hides it or is hidden.
+    """
+    images, sigma = ImagePair.of_blocks(a, b), config.depth_sigma_per_m2
+    term = images.surface_term(BLURS_BLOCKS[-1], sigma).near(predicted, SAME_SURFACE_SIGMAS)
+    terms = (term,)
+    T_a_b = _minimised(terms, predicted, predicted)
+    return _estimate(terms, T_a_b, predicted, MIN_SURFACE)
+
+
 def _aligned(
     images: ImagePair, blurs_px: Sequence[float], config: RegistrationConfig, predicted: Array
 ) -> DenseEstimate | Rejected:
     levels = [images.terms(blur_px, config.depth_sigma_per_m2) for blur_px in blurs_px]
     T_a_b = _coarse_to_fine(levels, se3.orthonormal(predicted), predicted)
     T_a_b = _from_all_sides(levels, T_a_b, predicted)
-    known, axes, _ = _image_information(levels[-1], T_a_b)
-    overlap, agreeing = levels[-1][0].agreement(T_a_b)
-    if overlap < MIN_OVERLAP:
+    return _estimate(levels[-1], T_a_b, predicted, MIN_OVERLAP)
+
+
+def _estimate(
+    terms: Terms, T_a_b: Array, predicted: Array, min_overlap: float
+) -> DenseEstimate | Rejected:
+    """A motion with what the images tell of it, where enough of their surfaces agree."""
+    known, axes, _ = _image_information(terms, T_a_b)
+    overlap, agreeing = terms[0].agreement(T_a_b)
+    if overlap < min_overlap:
         return Rejected("too little depth in common")
     if agreeing < MIN_INLIERS:
         return Rejected("surfaces do not agree")

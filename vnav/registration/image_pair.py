@@ -62,11 +62,19 @@ class ImagePair:
 
     def terms(self, blur_px: float, depth_sigma_per_m2: float) -> tuple[ResidualTerm, ResidualTerm]:
         """The surfaces and the brightness of a and b, as images blurred by so much show them."""
+        a, b = self._surfaces(blur_px, depth_sigma_per_m2)
+        surfaces = self._surface_term(a[..., 0], b, depth_sigma_per_m2)
+        return surfaces, self._brightness_term(a[..., 0], b[..., 0], blur_px)
+
+    def surface_term(self, blur_px: float, depth_sigma_per_m2: float) -> ResidualTerm:
+        """The first of these."""
+        a, b = self._surfaces(blur_px, depth_sigma_per_m2)
+        return self._surface_term(a[..., 0], b, depth_sigma_per_m2)
+
+    def _surfaces(self, blur_px: float, depth_sigma_per_m2: float) -> tuple[Array, Array]:
         reach = max(SURFACE_REACH_PX, round(REACH_OF_BLUR * blur_px))
         surface_a = fitted_surface(self.depth_a_m, depth_sigma_per_m2, reach)
-        surface_b = fitted_surface(self.depth_b_m, depth_sigma_per_m2, reach)
-        surfaces = self._surface_term(surface_a[..., 0], surface_b, depth_sigma_per_m2)
-        return surfaces, self._brightness_term(surface_a[..., 0], surface_b[..., 0], blur_px)
+        return surface_a, fitted_surface(self.depth_b_m, depth_sigma_per_m2, reach)
 
     def _surface_term(self, inverse_depth_a: Array, surface_b: Array, sigma: float) -> ResidualTerm:
         px = _grid(np.isfinite(inverse_depth_a), STRIDE_PX)

@@ -4,7 +4,7 @@ The image is of inverse depth or of brightness. Source: Kerl, Sturm, Cremers 201
 SLAM for RGB-D cameras".
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -39,6 +39,12 @@ class ResidualTerm:
     sigma: float = np.inf
     gain: float = 1.0
     offset: float = 0.0
+
+    def near(self, T_a_b: Array, sigmas: float) -> "ResidualTerm":
+        """Without the points that lie off the image by more than so many sigmas of the sensor."""
+        residuals = self._sums(T_a_b)[3]
+        near = ~(np.abs(residuals) > sigmas * self.min_sigma)  # or on nothing
+        return replace(self, points=self.points[near], brightness=self.brightness[near])
 
     def adapt(self, T_a_b: Array) -> None:
         """Fit the noise, gain and offset to the residuals under a motion."""

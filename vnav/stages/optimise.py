@@ -49,7 +49,7 @@ KEPT_IMAGES = 150  # depth images that are read once: 184 MB of 640 x 480
 def run(folder: MapFolder, config: Config, *, progress: Progress = silent) -> Report:
     """Final poses of all frames, landmarks, and the world frame."""
     started = clock()
-    settings = settings_of(config, "registration", "odometry", STAGE)
+    settings = settings_of(config, "registration", "odometry", "loops", STAGE)
     inputs = folder.inputs_of("odometry", "loops")
     if folder.is_current(STAGE, settings, inputs):
         return reused(folder, STAGE)
@@ -73,7 +73,8 @@ def run(folder: MapFolder, config: Config, *, progress: Progress = silent) -> Re
         _write_other_parts(draft, odometry, solution)
         edges = solution.robust.odometry.edges
         save_mended_edges(draft, edges)
-        write_g2o(draft / "graph.g2o", result.T_world_camera, [*edges, *solution.closures])
+        g2o = [*edges, *solution.closures, *solution.surfaces]
+        write_g2o(draft / "graph.g2o", result.T_world_camera, g2o)
 
     return finished(folder, solution_report(solution, result, odometry), started)
 
