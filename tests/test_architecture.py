@@ -22,7 +22,7 @@ LEVELS = (
     {"evaluation"},
     {"pipeline"},
     {"stages"},
-    {"tracking", "loop_closing", "optimisation", "checking", "calibration", "lighting"},
+    {"tracking", "loop_closing", "optimisation", "checking", "calibration", "lighting", "overlays"},
     {
         *("io", "features", "masking", "registration"),
         *("volumes", "vocabulary", "localisation", "planning"),
@@ -50,7 +50,7 @@ OWNERS = {
     "cv2": {
         *("vnav.io", "vnav.features", "vnav.masking", "vnav.registration", "vnav.localisation"),
         *("vnav.synthetic", "vnav.stages", "vnav.tracking", "vnav.checking", "vnav.reporting"),
-        *("vnav.vocabulary", "vnav.threads", "vnav.calibration", "vnav.lighting"),
+        *("vnav.vocabulary", "vnav.threads", "vnav.calibration", "vnav.lighting", "vnav.overlays"),
     },
     "matplotlib": {"vnav.reporting"},
     "msgspec": {"vnav.io.store"},

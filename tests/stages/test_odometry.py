@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from tests.lighting.lamp import LampLit, lamp
+from tests.overlays.marked import Marked
 from vnav.config import CaptureConfig, Config, FeaturesConfig, load
 from vnav.config.registries import DESCRIPTORS, ESTIMATORS, TRACKERS
 from vnav.core import se3
@@ -463,3 +464,16 @@ def test_the_light_may_be_left_as_it_is(
     config = dataclasses.replace(CONFIG, capture=CaptureConfig(flatten="off"))
     result = odometry.track(Cut(capture, [10]), config, tmp_path)
     assert odometry.report(result).values["light"] == []
+
+
+def test_odometry_with_text_and_a_robot_in_view_is_as_good_as_without(
+    capture: Capture, truth: np.ndarray, tmp_path: Path
+) -> None:
+    # 1.2 mm without; with both taken for the scene they hold the camera where it is.
+    folder = MapFolder.create(tmp_path / "map")
+    odometry.run(folder, Marked(capture), CONFIG)
+    result, report = load_odometry(folder), folder.report("odometry")
+    assert not any(result.reasons)
+    assert ate_m(result.T_segment_camera, truth) < 0.006
+    assert report["values"]["overlay"] > 0.1
+    assert any("shows the same in all views" in line for line in report["lines"])

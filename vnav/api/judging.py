@@ -51,6 +51,7 @@ def check(
     """
     from vnav.checking.capture_report import inspect
     from vnav.lighting.flattened import corners_of
+    from vnav.overlays.overlay import without_overlay
 
     settings = config_of(config)
     source = capture_of(capture, settings, camera)
@@ -58,6 +59,8 @@ def check(
     if settings.capture.flatten == "auto" and not report.fatal:
         with ThreadPoolExecutor(os.cpu_count()) as pool:
             report = dataclasses.replace(report, corners=corners_of(source, pool, progress))
+    if settings.capture.overlay == "auto" and not report.fatal:
+        report = dataclasses.replace(report, overlay=without_overlay(source)[1])
     if picture is not None and not report.fatal:
         from vnav.reporting.depth_picture import draw
 

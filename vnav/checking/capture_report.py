@@ -15,6 +15,7 @@ from vnav.checking.quality import (
 )
 from vnav.checking.rules import lag_text, shift_text, sizes_text
 from vnav.core.camera import Camera
+from vnav.core.mapping import overlay_text
 from vnav.core.progress import Progress, silent
 from vnav.errors import CaptureError
 from vnav.io.sources.capture import Capture, FileBacked
@@ -28,7 +29,8 @@ class CaptureReport:
     plausible) stop a map, the latter unless forced; ``fitting_units``: units_per_metre that would
     make depth plausible, None where none would; ``corners``: how bright the images' corners are, 1
     in the centre and where the light does not fall off by so much that it is taken off, None where
-    that was not measured or cannot be told.
+    that was not measured or cannot be told; ``overlay``: share of the image that shows the same in
+    all views, None where that was not measured.
     """
 
     name: str
@@ -42,6 +44,7 @@ class CaptureReport:
     fitting_units: float | None
     warnings: tuple[str, ...]
     corners: float | None = None
+    overlay: float | None = None
 
     def as_dict(self) -> dict[str, Any]:
         """Plain values for JSON; sizes as "640x480"."""
@@ -118,6 +121,8 @@ def summary(report: CaptureReport) -> list[str]:
     )
     seen = [] if look is None else _seen(look, report.camera.units_per_metre)
     seen += _light_text(report.corners)
+    if report.overlay:
+        seen.append(f"overlay  {overlay_text(report.overlay)}: depth there will be left out")
     if files is None:
         return [f"capture  {report.name}", frames, times, *seen]
     color, depth = sizes_text(files.color_sizes), _depth_text(report.camera, files)

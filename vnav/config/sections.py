@@ -44,6 +44,12 @@ class CaptureConfig(Section, path="capture"):
         "whether light that surely and strongly falls off from the image centre, as a lamp's on the"
         " camera does, is taken off the frames",
     )
+    overlay: str = choice(
+        "auto",
+        lambda: ("auto", "off"),
+        "whether depth is left out where all views show the same, as burnt-in text or a part of the"
+        " robot",
+    )
 
 
 @dataclass(frozen=True)

@@ -162,6 +162,11 @@ def light_text(corners: float) -> str:
     return f"brightness falls to {corners:.0%} at the corners: taken off"
 
 
+def overlay_text(share: float) -> str:
+    """What is told of an overlay."""
+    return f"{share:.1%} of the image shows the same in all views, as burnt-in text does"
+
+
 @dataclass(frozen=True)
 class LoopVerdict:
     """One candidate pair of keyframes (numbers into the keyframes), accepted or not, and why.

@@ -15,7 +15,15 @@ from vnav.checking.capture_report import require_depth
 from vnav.config import Config
 from vnav.config.registries import DESCRIPTORS, FILTERS, registered
 from vnav.core.frame import Frame
-from vnav.core.mapping import EVEN_LIGHT, LOST, FrameFeatures, FrameTable, Odometry, light_text
+from vnav.core.mapping import (
+    EVEN_LIGHT,
+    LOST,
+    FrameFeatures,
+    FrameTable,
+    Odometry,
+    light_text,
+    overlay_text,
+)
 from vnav.core.progress import Progress, silent
 from vnav.core.reduced_frame import ReducedFrame
 from vnav.core.report import Report
@@ -30,6 +38,7 @@ from vnav.io.store.map_folder import MapFolder
 from vnav.io.store.records import MappedCapture
 from vnav.io.store.stage_reports import clock, finished, reused, settings_of
 from vnav.lighting.flattened import flattened
+from vnav.overlays.overlay import without_overlay
 from vnav.registration.reduction import reduced
 from vnav.threads import one_blas_thread, one_opencv_thread
 from vnav.tracking.given_poses import GivenPoses, poses_at
@@ -67,11 +76,14 @@ def run(
         inputs["trajectory"] = fingerprint(given)
     if folder.is_current("odometry", settings, inputs):
         return reused(folder, "odometry")
+    seen, hidden = capture, 0.0
+    if config.capture.overlay == "auto":
+        seen, hidden = without_overlay(capture)
     with folder.writing("odometry", settings, inputs) as draft:
-        odometry = track(capture, config, draft, progress, given)
+        odometry = track(seen, config, draft, progress, given)
         save_odometry(draft, odometry)
         folder.set_captures([entry])
-    return finished(folder, report(odometry), started)
+    return finished(folder, report(odometry, hidden), started)
 
 
 def track(
@@ -179,8 +191,8 @@ def described(number: int, capture: Capture) -> MappedCapture:
     return {"id": number, "name": capture.name, "fingerprint": fingerprint, "camera": camera}
 
 
-def report(odometry: Odometry) -> Report:
-    """What was tracked, and which frames are lost and why."""
+def report(odometry: Odometry, hidden: float = 0.0) -> Report:
+    """What was tracked, and which frames are lost and why; an overlay hides a share of them."""
     frames, keyframes = odometry.frames, len(odometry.keyframes)
     spans = frames.lost_spans(odometry.reasons)
     tracked = odometry.reasons.count("")
@@ -209,7 +221,9 @@ def report(odometry: Odometry) -> Report:
     )
     light, (moving, unmasked) = odometry.taken_off, _moving(odometry)
     lines = line, *_light_lines(light, len(odometry.light)), *_moving_line(moving)
-    values |= {"light": light, "moving": moving}
+    if hidden:
+        lines += (f"{overlay_text(hidden)}: depth there is left out",)
+    values |= {"light": light, "moving": moving, "overlay": hidden}
     return Report("odometry", values, lines, warnings + unmasked)
 
 

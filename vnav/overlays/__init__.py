@@ -1,0 +1,1 @@
+"""What moves with the camera in every image: found, and left out."""

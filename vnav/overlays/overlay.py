@@ -1,0 +1,130 @@
+"""What every image of a moving camera shows at one place: burnt-in text, a logo, a robot's bumper.
+
+Edges of the scene move over the image, and their mean is blurred away. Those of an overlay stay.
+What agrees on standing still would hold the camera for standing still.
+"""
+
+import dataclasses
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from vnav.core.arrays import Floats
+from vnav.core.frame import Frame
+from vnav.errors import CaptureError
+from vnav.io.sources.capture import Capture
+from vnav.io.sources.derived import DerivedCapture
+
+FRAMES, LEAST_VIEWS = 24, 10  # of the capture, evenly, and those of them that differ
+STRIDE_PX, CELLS = 4, (20, 15)  # of pixels, and into how many, frames are compared
+SAME = 0.7  # correlation of the gradients of a cell that shows the same
+EDGE = 4.0  # grey levels a pixel, of the mean of all views
+STEADY = 1.4  # times what it differs by between them
+OF_SCENE = 1 / 80  # of the width: so near to an edge, features see it
+FILLED = 1 / 16  # of the width: letters and what lies between them are one overlay
+MOST = 0.5  # share of the image; where more stands still, the camera does
+
+Pixels = NDArray[np.bool_]
+
+
+class WithoutOverlay(DerivedCapture):
+    """The frames of a capture, without depth where an overlay hides the scene.
+
+    So nothing there has a place in the scene. Its fingerprint is that of the capture: what the
+    overlay is follows from the frames.
+    """
+
+    def __init__(self, capture: Capture, overlay: Pixels) -> None:
+        super().__init__(capture)
+        self.overlay = overlay
+
+    def read(self, index: int) -> Frame:
+        """A frame of the capture; of another size than the overlay, as it is."""
+        frame = super().read(index)
+        if frame.depth_m.shape != self.overlay.shape:
+            return frame
+        return dataclasses.replace(frame, depth_m=np.where(self.overlay, 0, frame.depth_m))
+
+
+def without_overlay(capture: Capture) -> tuple[Capture, float]:
+    """The capture without its overlay, and the share of the image that this covers.
+
+    The capture itself, and 0, where there is none, or no depth.
+    """
+    overlay = overlay_of(capture) if capture.has_depth else None
+    if overlay is None:
+        return capture, 0.0
+    return WithoutOverlay(capture, overlay), float(overlay.mean())
+
+
+def overlay_of(capture: Capture) -> Pixels | None:
+    """Where (H, W) a capture shows the same in all views; None where it does not.
+
+    And where the views are too few to tell. Frames that cannot be read, or are of another size than
+    the first, are left out.
+    """
+    rows = np.unique(np.linspace(0, len(capture) - 1, min(FRAMES, len(capture))).astype(int))
+    with ThreadPoolExecutor() as pool:
+        found = list(pool.map(lambda row: _gradient(capture, row), rows.tolist()))
+    known = [each for each in found if each is not None]
+    views = _different([each for each in known if each.shape == known[0].shape])
+    if len(views) < LEAST_VIEWS:
+        return None
+    overlay = _grown(_standing(views))
+    return overlay if 0 < overlay.mean() <= MOST else None
+
+
+def _gradient(capture: Capture, row: int) -> Floats | None:
+    """How brightness changes (H, W, 2), a pixel to the right and below."""
+    try:
+        color = np.asarray(capture.read(row).color)
+    except CaptureError:
+        return None
+    grey = cv2.cvtColor(color, cv2.COLOR_RGB2GRAY)
+    along = [cv2.Sobel(grey, cv2.CV_32F, *axis, scale=1 / 8) for axis in ((1, 0), (0, 1))]
+    return np.stack(along, -1)
+
+
+def _different(gradients: Sequence[Floats]) -> list[Floats]:
+    """Those that show other edges than each before them: a camera that rests shows one view."""
+    chosen: list[int] = []
+    few = [each[::STRIDE_PX, ::STRIDE_PX] for each in gradients]
+    for k, each in enumerate(few):
+        if not any(_is_same_view(each, few[before]) for before in chosen):
+            chosen.append(k)
+    return [gradients[k] for k in chosen]
+
+
+def _is_same_view(a: Floats, b: Floats) -> bool:
+    """Whether most cells with edges of two images' gradients (H, W, 2) show the same edges."""
+    both, of_a, of_b = (_in_cells((x * y).sum(-1)) for x, y in ((a, b), (a, a), (b, b)))
+    strong = np.sqrt(of_a * of_b)
+    edges = strong > EDGE
+    return bool((both > SAME * strong)[edges].sum() > MOST * max(edges.sum(), 1))
+
+
+def _in_cells(image: Floats) -> Floats:
+    """Means of `CELLS` of an image (H, W)."""
+    return np.asarray(cv2.resize(image, CELLS, interpolation=cv2.INTER_AREA))
+
+
+def _standing(gradients: Sequence[Floats]) -> Pixels:
+    """Where all gradients (H, W, 2) are nearly the same edge."""
+    stacked = np.stack(gradients)
+    mean = stacked.mean(0)
+    strength = np.linalg.norm(mean, axis=-1)
+    spread = np.sqrt(((stacked - mean) ** 2).sum(-1).mean(0))
+    return np.asarray((strength > EDGE) & (strength > STEADY * spread))
+
+
+def _grown(edges: Pixels) -> Pixels:
+    """What lies between edges (H, W), and so near to them that features see them."""
+    around, between = (
+        cv2.getStructuringElement(cv2.MORPH_ELLIPSE, [2 * round(share * edges.shape[1]) + 1] * 2)
+        for share in (OF_SCENE, FILLED)
+    )
+    filled = cv2.morphologyEx(edges.astype(np.uint8), cv2.MORPH_CLOSE, between)
+    return np.asarray(cv2.dilate(filled, around) > 0)
