@@ -19,7 +19,7 @@ from vnav.io.sources.capture import Capture
 from vnav.io.sources.derived import DerivedCapture
 
 FRAMES, LEAST_VIEWS = 24, 10  # of the capture, evenly, and those of them that differ
-STRIDE_PX, CELLS = 4, (20, 15)  # of pixels, and into how many, frames are compared
+STRIDE_PX, CELLS = 8, (20, 15)  # of pixels, and into how many, frames are compared
 SAME = 0.7  # correlation of the gradients of a cell that shows the same
 EDGE = 4.0  # grey levels a pixel, of the mean of all views
 STEADY = 1.4  # times what it differs by between them
@@ -113,11 +113,13 @@ def _in_cells(image: Floats) -> Floats:
 
 def _standing(gradients: Sequence[Floats]) -> Pixels:
     """Where all gradients (H, W, 2) are nearly the same edge."""
-    stacked = np.stack(gradients)
-    mean = stacked.mean(0)
-    strength = np.linalg.norm(mean, axis=-1)
-    spread = np.sqrt(((stacked - mean) ** 2).sum(-1).mean(0))
-    return np.asarray((strength > EDGE) & (strength > STEADY * spread))
+    mean, squared = np.zeros_like(gradients[0]), np.zeros(gradients[0].shape[:2], np.float32)
+    for each in gradients:
+        mean += each / len(gradients)
+        squared += np.einsum("hwc,hwc->hw", each, each) / len(gradients)
+    strength = np.einsum("hwc,hwc->hw", mean, mean)
+    spread = squared - strength
+    return np.asarray((strength > EDGE**2) & (strength > STEADY**2 * spread))
 
 
 def _grown(edges: Pixels) -> Pixels:
