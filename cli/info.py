@@ -32,17 +32,8 @@ def info(map_dir: Path, as_json: bool) -> None:
 
 
 def _lines(values: dict[str, Any]) -> Iterator[tuple[str, str]]:
-    from vnav.core.mapping import light_text
-
     yield from _head(values)
-    if "frames" in values:
-        frames = f"{values['tracked']} of {values['frames']} tracked"
-        yield "frames", f"{frames}, {values['keyframes']} keyframes"
-    for span in values.get("lost", []):
-        where = f"{span['first']} to {span['last']} of capture {span['capture']}"
-        yield "no pose", f"frames {where}: {span['reason']}"
-    for light in values.get("light", []):
-        yield "light", f"capture {light['capture']}: {light_text(light['corners'])}"
+    yield from _frames(values)
     if "loops" in values:
         loops = values["loops"]
         near = f"{loops['neighbours_accepted']} of {loops['neighbours_tried']} pairs of neighbours"
@@ -59,6 +50,19 @@ def _lines(values: dict[str, Any]) -> Iterator[tuple[str, str]]:
     for name, stage in values["stages"].items():
         seconds = "" if stage["seconds"] is None else f"{stage['seconds']:8.1f} s"
         yield "stage", f"{name:12}{stage['state']:9}{stage['size_mb']:8.1f} MB{seconds}"
+
+
+def _frames(values: dict[str, Any]) -> Iterator[tuple[str, str]]:
+    from vnav.core.mapping import Span, in_short, light_text
+
+    if "frames" in values:
+        frames = f"{values['tracked']} of {values['frames']} tracked"
+        yield "frames", f"{frames}, {values['keyframes']} keyframes"
+    for span in in_short([Span(**lost) for lost in values.get("lost", [])]):
+        where = f"{span.first} to {span.last} of capture {span.capture}"
+        yield "no pose", f"frames {where}: {span.reason}"
+    for light in values.get("light", []):
+        yield "light", f"capture {light['capture']}: {light_text(light['corners'])}"
 
 
 def _head(values: dict[str, Any]) -> Iterator[tuple[str, str]]:

@@ -56,7 +56,7 @@ class Folder:
         self.times([k / 10 for k in range(FRAMES)])
         for k in range(FRAMES):
             self.color(k, texture(k))
-            self.depth(k, wall())
+            self.depth(k, wall(2.0 - k / 1000))
 
     def path(self, kind: str, k: int) -> Path:
         return self.root / kind / f"{k}.png"
@@ -192,6 +192,25 @@ def test_a_long_gap_and_many_dropped_images_are_warned_of(folder: Folder) -> Non
     assert report.files is not None
     assert (report.frames, report.files.dropped_color) == (2, 4)
     assert "4 images have no partner in time" in report.warnings[0]
+
+
+def test_images_that_come_twice_are_warned_of(folder: Folder) -> None:
+    for k in (1, 3):
+        folder.color(k, texture(k - 1))
+    folder.depth(4, wall(1.997))
+    first, second = inspect(folder.capture()).warnings
+    assert first == (
+        f"2 of {FRAMES} frames have the colour image of the frame before, and will be left out;"
+        " record colour and depth at one rate"
+    )
+    assert second.startswith(f"1 of {FRAMES} frames have the depth image of the frame before")
+
+
+def test_frames_that_come_twice_are_warned_of(folder: Folder) -> None:
+    folder.color(3, texture(2))
+    folder.depth(3, wall(1.998))
+    (warning,) = inspect(folder.capture()).warnings
+    assert warning.startswith(f"1 of {FRAMES} frames are the frame before once more")
 
 
 def test_dark_and_blurred_frames_are_told_by_their_share(folder: Folder) -> None:

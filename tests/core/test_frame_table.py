@@ -1,6 +1,6 @@
 import numpy as np
 
-from vnav.core.mapping import FrameTable, Span
+from vnav.core.mapping import MOST_SPANS, FrameTable, Span, in_short
 
 
 def table(*counts: int) -> FrameTable:
@@ -34,3 +34,18 @@ def test_the_only_capture_needs_no_name() -> None:
 def test_of_several_captures_each_is_named() -> None:
     told = table(5, 4).rows_text(np.array([3, 4, 5, 7]))
     assert told == "frames 3 to 4 of capture 0 and frames 0 to 2 of capture 1"
+
+
+def test_spans_of_one_reason_are_told_one_by_one_or_in_one() -> None:
+    dark = [Span(0, k, k + 1, "dark") for k in range(0, 4 * MOST_SPANS, 4)]
+    blurred = Span(0, 2, 2, "blurred")
+    elsewhere = Span(1, 0, 0, "dark")
+    assert in_short([*dark, blurred, elsewhere]) == sorted(
+        [*dark, blurred, elsewhere], key=lambda span: (span.capture, span.first)
+    )
+    one_more = Span(0, 98, 99, "dark")
+    assert in_short([*dark, blurred, one_more, elsewhere]) == [
+        Span(0, 0, 99, f"{2 * MOST_SPANS + 2} of them, dark"),
+        blurred,
+        elsewhere,
+    ]

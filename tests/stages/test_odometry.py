@@ -20,6 +20,7 @@ from vnav.core.mapping import LOST, Odometry
 from vnav.errors import CaptureError
 from vnav.io.formats.trajectories import read_tum
 from vnav.io.sources.capture import Capture
+from vnav.io.sources.derived import DerivedCapture
 from vnav.io.sources.memory import ArrayCapture, frames
 from vnav.io.sources.open_capture import open_capture
 from vnav.io.sources.rectify import resampled
@@ -477,3 +478,25 @@ def test_odometry_with_text_and_a_robot_in_view_is_as_good_as_without(
     assert ate_m(result.T_segment_camera, truth) < 0.006
     assert report["values"]["overlay"] > 0.1
     assert any("shows the same in all views" in line for line in report["lines"])
+
+
+class Slow(DerivedCapture):
+    """A capture whose depth camera takes every second frame, which comes twice."""
+
+    def read(self, index: int) -> Frame:
+        depth_m = super().read(index // 2 * 2).depth_m
+        return dataclasses.replace(super().read(index), depth_m=depth_m)
+
+
+def test_frames_with_depth_of_the_frame_before_are_left_out_in_one_line(
+    capture: Capture, truth: np.ndarray, tmp_path: Path
+) -> None:
+    # 1.2 mm without; with depth of another moment it drifts by centimetres.
+    folder = MapFolder.create(tmp_path / "map")
+    odometry.run(folder, Slow(capture), CONFIG)
+    result, report = load_odometry(folder), folder.report("odometry")
+    assert [bool(reason) for reason in result.reasons] == [False, True] * (len(capture) // 2)
+    assert ate_m(result.T_segment_camera[::2], truth[::2]) < 0.006
+    (warning,) = report["warnings"]
+    assert warning.startswith("frames 1 to 59 lost: 30 of them, its depth image is that of the")
+    assert len(report["values"]["lost"]) == 30

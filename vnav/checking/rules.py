@@ -15,6 +15,7 @@ NEAREST_M, MEDIAN_M, FARTHEST_M = 0.2, (0.4, 6.0), 10.0
 USUAL_UNITS = (1000, 5000, 10000, 4000, 100)  # per metre, the most common first
 
 MANY_DROPPED, LITTLE_DEPTH, MANY_POOR = 0.1, 0.1, 0.3  # shares that are worth a warning
+MANY_REPEATED = 0.02
 FAR_OFF = 1 / 100  # of the image's width, that depth may lie beside colour: 6 px at 640
 CLEAR = 3  # standard deviations
 LATE_S = 0.05  # of depth beside colour: less is found and taken off when the map is made
@@ -103,13 +104,24 @@ def warnings(
 
 
 def _of_files(files: FileFindings, count: int) -> list[str]:
-    dropped = max(files.dropped_color, files.dropped_depth)
-    if dropped <= MANY_DROPPED * (count + dropped):
-        return []
-    return [
-        f"{dropped} images have no partner in time, {count} have one; are colour and depth of"
-        " the same recording and by the same clock?"
-    ]
+    found, dropped = [], max(files.dropped_color, files.dropped_depth)
+    if dropped > MANY_DROPPED * (count + dropped):
+        found.append(
+            f"{dropped} images have no partner in time, {count} have one; are colour and depth of"
+            " the same recording and by the same clock?"
+        )
+    for name, repeated in (("colour", files.repeated_color), ("depth", files.repeated_depth)):
+        if repeated > MANY_REPEATED * count:
+            found.append(
+                f"{repeated} of {count} frames have the {name} image of the frame before, and will"
+                " be left out; record colour and depth at one rate"
+            )
+    if files.repeated_both > MANY_REPEATED * count:
+        found.append(
+            f"{files.repeated_both} of {count} frames are the frame before once more; if the camera"
+            " moved meanwhile, the recording stalled, and their poses are late"
+        )
+    return found
 
 
 def _of_times(stamps_s: Array) -> list[str]:

@@ -13,6 +13,7 @@ from vnav.core.arrays import frozen
 from vnav.core.frame import Edge, Features
 
 LOST = -1
+MOST_SPANS = 10  # lost for one reason, that are told one by one
 EVEN_LIGHT = frozen(np.array([[1, 0]], np.float32), np.float32, (1, 2))  # of one capture
 CONTRADICTS = "disagrees with the pose graph"  # reason of a loop that was found and is not kept
 FLOOR_OFF_M, FLOOR_TILT_DEG = 0.05, 2.0  # of a given world, where the grid still fits
@@ -70,6 +71,21 @@ class Span:
     first: int
     last: int
     reason: str
+
+
+def in_short(spans: Sequence[Span]) -> list[Span]:
+    """The spans, one for all those of a capture and a reason that has more than `MOST_SPANS`."""
+    alike: dict[tuple[int, str], list[Span]] = {}
+    for span in spans:
+        alike.setdefault((span.capture, span.reason), []).append(span)
+    found = []
+    for (capture, reason), group in alike.items():
+        if len(group) > MOST_SPANS:
+            count = sum(span.last - span.first + 1 for span in group)
+            whole = f"{count} of them, {reason}"
+            group = [Span(capture, group[0].first, group[-1].last, whole)]
+        found += group
+    return sorted(found, key=lambda span: (span.capture, span.first))
 
 
 @dataclass(frozen=True)

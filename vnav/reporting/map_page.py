@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 
 from vnav import __version__
-from vnav.core.mapping import LoopVerdict
+from vnav.core.mapping import LoopVerdict, Span, in_short
 from vnav.errors import MapError
 from vnav.io.files import write_text
 from vnav.io.store.artifacts import load_loops
@@ -155,8 +155,8 @@ def _lost(values: dict[str, Any]) -> str:
     if not values.get("lost"):
         return ""
     rows = [
-        (span["capture"], f"{span['first']} to {span['last']}", escape(span["reason"]))
-        for span in values["lost"]
+        (span.capture, f"{span.first} to {span.last}", escape(span.reason))
+        for span in in_short([Span(**lost) for lost in values["lost"]])
     ]
     return "<h2>Frames without a pose</h2>\n" + html.table(("capture", "frames", "reason"), rows)
 

@@ -21,6 +21,7 @@ from vnav.core.mapping import (
     FrameFeatures,
     FrameTable,
     Odometry,
+    in_short,
     light_text,
     overlay_text,
 )
@@ -41,6 +42,7 @@ from vnav.lighting.flattened import flattened
 from vnav.overlays.overlay import without_overlay
 from vnav.registration.reduction import reduced
 from vnav.threads import one_blas_thread, one_opencv_thread
+from vnav.tracking.fresh_frames import FreshFrames
 from vnav.tracking.given_poses import GivenPoses, poses_at
 from vnav.tracking.odometry_builder import OdometryBuilder
 from vnav.tracking.visual_odometry import VisualOdometry
@@ -104,11 +106,13 @@ def track(
         light = EVEN_LIGHT
         if config.capture.flatten == "auto":
             capture, light = flattened(capture, pool, progress)
-        written = []
+        written, fresh = [], FreshFrames()
         for row, seen in _frames(capture, _description(config, given is not None), pool):
             progress("odometry", row, len(frames))
             if isinstance(seen, str):
                 builder.skip(row, seen)
+            elif repeated := fresh.repeated(seen.frame):
+                builder.skip(row, repeated)
             elif builder.add(seen.features, seen.frame, seen.image) or keeps_all:
                 written.append(pool.submit(save_keyframe, draft, row, seen.frame))
         for keyframe in written:
@@ -217,7 +221,7 @@ def report(odometry: Odometry, hidden: float = 0.0) -> Report:
         line += f", in {len(segments)} segments"
     warnings = tuple(
         f"{frames.span_text(span.capture, span.first, span.last)} lost: {span.reason}"
-        for span in spans
+        for span in in_short(spans)
     )
     light, (moving, unmasked) = odometry.taken_off, _moving(odometry)
     lines = line, *_light_lines(light, len(odometry.light)), *_moving_line(moving)
