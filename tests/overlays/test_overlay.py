@@ -1,5 +1,6 @@
 """What every image shows at one place: found where the camera moves, and without depth then."""
 
+import dataclasses
 from pathlib import Path
 
 import numpy as np
@@ -15,7 +16,9 @@ from vnav.errors import CaptureError
 from vnav.io.sources.capture import Capture
 from vnav.io.sources.derived import DerivedCapture
 from vnav.io.sources.open_capture import open_capture
-from vnav.overlays.overlay import WithoutOverlay, overlay_of, without_overlay
+from vnav.overlays.overlay import WIDTH_PX, overlay_of, without_overlay
+
+LARGER = 3  # than the tiny capture
 
 
 @pytest.fixture(scope="module")
@@ -68,14 +71,34 @@ def test_frames_that_cannot_be_read_are_left_out(marked: Marked) -> None:
 
 
 def test_depth_is_left_out_there_and_nowhere_else(marked: Marked) -> None:
-    seen, share = without_overlay(marked)
-    assert isinstance(seen, WithoutOverlay)
-    assert share == pytest.approx(seen.overlay.mean())
+    overlay, (seen, share) = overlay_of(marked), without_overlay(marked)
+    assert overlay is not None
+    assert share == pytest.approx(overlay.mean())
     before, after = marked.read(7), seen.read(7)
-    assert not after.depth_m[seen.overlay].any()
-    np.testing.assert_array_equal(after.depth_m[~seen.overlay], before.depth_m[~seen.overlay])
+    assert not after.depth_m[overlay].any()
+    np.testing.assert_array_equal(after.depth_m[~overlay], before.depth_m[~overlay])
     np.testing.assert_array_equal(after.color, before.color)
     assert seen.fingerprint() == marked.fingerprint()
+
+
+def test_a_large_image_loses_depth_in_the_same_places(marked: Marked) -> None:
+    class Large(DerivedCapture):
+        def read(self, index: int) -> Frame:
+            frame = super().read(index)
+            color, depth_m = (
+                np.repeat(np.repeat(image, LARGER, 0), LARGER, 1)
+                for image in (frame.color, frame.depth_m)
+            )
+            camera = dataclasses.replace(
+                frame.intrinsics, width=color.shape[1], height=color.shape[0]
+            )
+            return dataclasses.replace(frame, color=color, depth_m=depth_m, intrinsics=camera)
+
+    small, large = (without_overlay(capture)[0].read(7) for capture in (marked, Large(marked)))
+    assert large.color.shape[1] > WIDTH_PX
+    kept = large.depth_m[::LARGER, ::LARGER]
+    assert not kept[marked.marks & (marked.read(7).depth_m > 0)].any()
+    assert ((kept > 0) != (small.depth_m > 0)).mean() < 0.05  # at its rim
 
 
 def test_a_capture_without_overlay_or_depth_is_left_as_it_is(capture: Capture) -> None:

@@ -7,6 +7,7 @@ What agrees on standing still would hold the camera for standing still.
 import dataclasses
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
+from functools import lru_cache
 
 import cv2
 import numpy as np
@@ -19,6 +20,7 @@ from vnav.io.sources.capture import Capture
 from vnav.io.sources.derived import DerivedCapture
 
 FRAMES, LEAST_VIEWS = 24, 10  # of the capture, evenly, and those of them that differ
+WIDTH_PX = 640  # of the images that are compared, at most
 STRIDE_PX, CELLS = 8, (20, 15)  # of pixels, and into how many, frames are compared
 SAME = 0.7  # correlation of the gradients of a cell that shows the same
 EDGE = 4.0  # grey levels a pixel, of the mean of all views
@@ -39,14 +41,13 @@ class WithoutOverlay(DerivedCapture):
 
     def __init__(self, capture: Capture, overlay: Pixels) -> None:
         super().__init__(capture)
-        self.overlay = overlay
+        self._overlay = lru_cache(4)(lambda shape: _resized(overlay, shape))
 
     def read(self, index: int) -> Frame:
-        """A frame of the capture; of another size than the overlay, as it is."""
+        """A frame of the capture."""
         frame = super().read(index)
-        if frame.depth_m.shape != self.overlay.shape:
-            return frame
-        return dataclasses.replace(frame, depth_m=np.where(self.overlay, 0, frame.depth_m))
+        overlay = self._overlay(frame.depth_m.shape)
+        return dataclasses.replace(frame, depth_m=np.where(overlay, 0, frame.depth_m))
 
 
 def without_overlay(capture: Capture) -> tuple[Capture, float]:
@@ -61,10 +62,10 @@ def without_overlay(capture: Capture) -> tuple[Capture, float]:
 
 
 def overlay_of(capture: Capture) -> Pixels | None:
-    """Where (H, W) a capture shows the same in all views; None where it does not.
+    """Where (h, w) a capture shows the same in all views; None where it does not.
 
-    And where the views are too few to tell. Frames that cannot be read, or are of another size than
-    the first, are left out.
+    And where the views are too few to tell. Large images are made small. Frames that cannot be
+    read, or are of another size than the first, are left out.
     """
     rows = np.unique(np.linspace(0, len(capture) - 1, min(FRAMES, len(capture))).astype(int))
     with ThreadPoolExecutor() as pool:
@@ -78,12 +79,16 @@ def overlay_of(capture: Capture) -> Pixels | None:
 
 
 def _gradient(capture: Capture, row: int) -> Floats | None:
-    """How brightness changes (H, W, 2), a pixel to the right and below."""
+    """How brightness changes (h, w, 2), a pixel to the right and below."""
     try:
         color = np.asarray(capture.read(row).color)
     except CaptureError:
         return None
     grey = cv2.cvtColor(color, cv2.COLOR_RGB2GRAY)
+    height, width = grey.shape
+    if width > WIDTH_PX:
+        size = WIDTH_PX, max(1, round(height * WIDTH_PX / width))
+        grey = cv2.resize(grey, size, interpolation=cv2.INTER_AREA)
     along = [cv2.Sobel(grey, cv2.CV_32F, *axis, scale=1 / 8) for axis in ((1, 0), (0, 1))]
     return np.stack(along, -1)
 
@@ -99,7 +104,7 @@ def _different(gradients: Sequence[Floats]) -> list[Floats]:
 
 
 def _is_same_view(a: Floats, b: Floats) -> bool:
-    """Whether most cells with edges of two images' gradients (H, W, 2) show the same edges."""
+    """Whether most cells with edges of two images' gradients (h, w, 2) show the same edges."""
     both, of_a, of_b = (_in_cells((x * y).sum(-1)) for x, y in ((a, b), (a, a), (b, b)))
     strong = np.sqrt(of_a * of_b)
     edges = strong > EDGE
@@ -107,12 +112,12 @@ def _is_same_view(a: Floats, b: Floats) -> bool:
 
 
 def _in_cells(image: Floats) -> Floats:
-    """Means of `CELLS` of an image (H, W)."""
+    """Means of `CELLS` of an image (h, w)."""
     return np.asarray(cv2.resize(image, CELLS, interpolation=cv2.INTER_AREA))
 
 
 def _standing(gradients: Sequence[Floats]) -> Pixels:
-    """Where all gradients (H, W, 2) are nearly the same edge."""
+    """Where all gradients (h, w, 2) are nearly the same edge."""
     mean, squared = np.zeros_like(gradients[0]), np.zeros(gradients[0].shape[:2], np.float32)
     for each in gradients:
         mean += each / len(gradients)
@@ -123,10 +128,17 @@ def _standing(gradients: Sequence[Floats]) -> Pixels:
 
 
 def _grown(edges: Pixels) -> Pixels:
-    """What lies between edges (H, W), and so near to them that features see them."""
+    """What lies between edges (h, w), and so near to them that features see them."""
     around, between = (
         cv2.getStructuringElement(cv2.MORPH_ELLIPSE, [2 * round(share * edges.shape[1]) + 1] * 2)
         for share in (OF_SCENE, FILLED)
     )
     filled = cv2.morphologyEx(edges.astype(np.uint8), cv2.MORPH_CLOSE, between)
     return np.asarray(cv2.dilate(filled, around) > 0)
+
+
+def _resized(overlay: Pixels, shape: tuple[int, ...]) -> Pixels:
+    """The overlay of an image of that height and width."""
+    size = shape[1], shape[0]
+    image = cv2.resize(overlay.astype(np.uint8), size, interpolation=cv2.INTER_NEAREST)
+    return np.asarray(image > 0)
