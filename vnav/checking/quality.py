@@ -1,12 +1,9 @@
 """What can be measured about a capture before anything is made of it."""
 
-import filecmp
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import suppress
 from dataclasses import dataclass
-from itertools import pairwise
 from typing import Any, TypeVar
 
 import cv2
@@ -22,7 +19,8 @@ from vnav.errors import CaptureError
 from vnav.io.formats.images import image_size
 from vnav.io.formats.video import video_size
 from vnav.io.sources.capture import Capture, FileBacked
-from vnav.io.sources.frame_list import FramePair, ImageFile
+from vnav.io.sources.frame_list import ImageFile
+from vnav.io.sources.repeats import Repeats, repeats
 
 SAMPLES = 60  # frames that are decoded and measured, evenly over the capture
 BLURRED, DARK = 0.6, 40.0  # from about 8 px of smear at 640 px width; mean grey level of 255
@@ -38,8 +36,8 @@ class FileFindings:
 
     How many whole ones of which size, the commonest first; names of those of another size than
     the commonest; what is wrong with the damaged ones; how many images found no partner; how much
-    later depth was taken than colour, 0 without depth; the file of the true trajectory; how many
-    frames have only the colour image of the frame before, only its depth image, or both.
+    later depth was taken than colour, 0 without depth; the file of the true trajectory; which
+    images come twice.
     """
 
     color_sizes: dict[Size, int]
@@ -51,9 +49,7 @@ class FileFindings:
     median_offset_s: float
     largest_offset_s: float
     truth: str | None
-    repeated_color: int = 0
-    repeated_depth: int = 0
-    repeated_both: int = 0
+    repeated: Repeats = Repeats()
 
 
 @dataclass(frozen=True)
@@ -106,7 +102,7 @@ def look_at_files(capture: FileBacked, progress: Progress) -> FileFindings:
         float(np.median(files.offsets_s)) if files.has_depth else 0.0,
         float(max(files.offsets_s, key=abs, default=0.0)),
         None if capture.truth is None else capture.truth.name,
-        *_repeated(files.pairs),
+        repeats(files.pairs),
     )
 
 
@@ -211,25 +207,6 @@ def _size_of(image: ImageFile) -> Size | CaptureError:
         return video_size(image.path) if is_film else image_size(image.path)
     except CaptureError as error:
         return error
-
-
-def _repeated(pairs: Sequence[FramePair]) -> tuple[int, int, int]:
-    """How many frames repeat only the colour file of the frame before, only that of depth, both."""
-    found = Counter(
-        (_are_same(before.color, pair.color), _are_same(before.depth, pair.depth))
-        for before, pair in pairwise(pairs)
-        if before.depth and pair.depth
-    )
-    return found[True, False], found[False, True], found[True, True]
-
-
-def _are_same(a: ImageFile, b: ImageFile) -> bool:
-    """Whether two files have the same bytes; not asked of videos and of what cannot be read."""
-    if a.video_frame is not None or b.video_frame is not None:
-        return False
-    with suppress(OSError):
-        return filecmp.cmp(a.path, b.path, shallow=False)
-    return False
 
 
 def _counted(

@@ -8,6 +8,7 @@ from vnav.checking.quality import FileFindings, FrameFindings, Size
 from vnav.core.arrays import Array
 from vnav.core.camera import Camera
 from vnav.io.sources.capture import Capture
+from vnav.io.sources.repeats import MANY
 
 # Where the depth of indoor captures lies, in metres: its nearest twentieth, its middle, its
 # farthest twentieth. Depth cameras begin at 0.2 m or later and reach 10 m at most.
@@ -15,7 +16,6 @@ NEAREST_M, MEDIAN_M, FARTHEST_M = 0.2, (0.4, 6.0), 10.0
 USUAL_UNITS = (1000, 5000, 10000, 4000, 100)  # per metre, the most common first
 
 MANY_DROPPED, LITTLE_DEPTH, MANY_POOR = 0.1, 0.1, 0.3  # shares that are worth a warning
-MANY_REPEATED = 0.02
 FAR_OFF = 1 / 100  # of the image's width, that depth may lie beside colour: 6 px at 640
 CLEAR = 3  # standard deviations
 LATE_S = 0.05  # of depth beside colour: less is found and taken off when the map is made
@@ -110,16 +110,16 @@ def _of_files(files: FileFindings, count: int) -> list[str]:
             f"{dropped} images have no partner in time, {count} have one; are colour and depth of"
             " the same recording and by the same clock?"
         )
-    for name, repeated in (("colour", files.repeated_color), ("depth", files.repeated_depth)):
-        if repeated > MANY_REPEATED * count:
-            found.append(
-                f"{repeated} of {count} frames have the {name} image of the frame before, and will"
-                " be left out; record colour and depth at one rate"
-            )
-    if files.repeated_both > MANY_REPEATED * count:
+    slow, stalled = files.repeated.color + files.repeated.depth, files.repeated.both
+    if slow > MANY * count:
         found.append(
-            f"{files.repeated_both} of {count} frames are the frame before once more; if the camera"
-            " moved meanwhile, the recording stalled, and their poses are late"
+            f"{slow} of {count} frames have the colour or the depth image of the frame before, and"
+            " will be left out; record colour and depth at one rate"
+        )
+    if stalled > MANY * count:
+        found.append(
+            f"{stalled} of {count} frames are the frame before once more; if the camera moved"
+            " meanwhile, the recording stalled, and their poses are late"
         )
     return found
 

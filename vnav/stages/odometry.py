@@ -34,6 +34,7 @@ from vnav.features.description import FrameDescriber, undescribed
 from vnav.io.formats.trajectories import fingerprint
 from vnav.io.sources.capture import Capture
 from vnav.io.sources.rectify import rectified, resampled
+from vnav.io.sources.repeats import has_slow_camera
 from vnav.io.store.artifacts import save_keyframe, save_keyframe_mask, save_odometry
 from vnav.io.store.map_folder import MapFolder
 from vnav.io.store.records import MappedCapture
@@ -82,7 +83,7 @@ def run(
     if config.capture.overlay == "auto":
         seen, hidden = without_overlay(capture)
     with folder.writing("odometry", settings, inputs) as draft:
-        odometry = track(seen, config, draft, progress, given)
+        odometry = track(seen, config, draft, progress, given, has_slow_camera(capture))
         save_odometry(draft, odometry)
         folder.set_captures([entry])
     return finished(folder, report(odometry, hidden), started)
@@ -94,8 +95,11 @@ def track(
     draft: Path,
     progress: Progress = silent,
     given: Trajectory | None = None,
+    is_slow: bool = False,
 ) -> Odometry:
     """Odometry over all frames; keyframes' images are written into the draft as they are chosen.
+
+    Where one camera ``is_slow``, frames that have an image of the frame before are left out.
 
     TrajectoryError where hardly any frame has a pose of those ``given``.
     """
@@ -111,7 +115,7 @@ def track(
             progress("odometry", row, len(frames))
             if isinstance(seen, str):
                 builder.skip(row, seen)
-            elif repeated := fresh.repeated(seen.frame):
+            elif repeated := is_slow and fresh.repeated(seen.frame):
                 builder.skip(row, repeated)
             elif builder.add(seen.features, seen.frame, seen.image) or keeps_all:
                 written.append(pool.submit(save_keyframe, draft, row, seen.frame))
