@@ -49,7 +49,7 @@ class FileFindings:
     median_offset_s: float
     largest_offset_s: float
     truth: str | None
-    repeated: Repeats = Repeats()
+    repeated: Repeats
 
 
 @dataclass(frozen=True)

@@ -8,7 +8,6 @@ from vnav.checking.quality import FileFindings, FrameFindings, Size
 from vnav.core.arrays import Array
 from vnav.core.camera import Camera
 from vnav.io.sources.capture import Capture
-from vnav.io.sources.repeats import MANY
 
 # Where the depth of indoor captures lies, in metres: its nearest twentieth, its middle, its
 # farthest twentieth. Depth cameras begin at 0.2 m or later and reach 10 m at most.
@@ -110,16 +109,17 @@ def _of_files(files: FileFindings, count: int) -> list[str]:
             f"{dropped} images have no partner in time, {count} have one; are colour and depth of"
             " the same recording and by the same clock?"
         )
-    slow, stalled = files.repeated.color + files.repeated.depth, files.repeated.both
-    if slow > MANY * count:
+    repeated = files.repeated
+    if repeated.has_slow_camera:
         found.append(
-            f"{slow} of {count} frames have the colour or the depth image of the frame before, and"
-            " will be left out; record colour and depth at one rate"
+            f"{len(repeated.color) + len(repeated.depth)} of {count} frames have the colour or the"
+            " depth image of the frame before, and will be left out; record colour and depth at one"
+            " rate"
         )
-    if stalled > MANY * count:
+    if repeated.has_stalled:
         found.append(
-            f"{stalled} of {count} frames are the frame before once more; if the camera moved"
-            " meanwhile, the recording stalled, and their poses are late"
+            f"{len(repeated.both)} of {count} frames are the frame before once more; if the"
+            " camera moved meanwhile, the recording stalled, and their poses are late"
         )
     return found
 

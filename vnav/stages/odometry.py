@@ -3,7 +3,7 @@
 import dataclasses
 import os
 from collections import deque
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import AbstractContextManager, nullcontext
 from pathlib import Path
@@ -34,7 +34,7 @@ from vnav.features.description import FrameDescriber, undescribed
 from vnav.io.formats.trajectories import fingerprint
 from vnav.io.sources.capture import Capture
 from vnav.io.sources.rectify import rectified, resampled
-from vnav.io.sources.repeats import has_slow_camera
+from vnav.io.sources.repeats import stale_frames
 from vnav.io.store.artifacts import save_keyframe, save_keyframe_mask, save_odometry
 from vnav.io.store.map_folder import MapFolder
 from vnav.io.store.records import MappedCapture
@@ -43,7 +43,6 @@ from vnav.lighting.flattened import flattened
 from vnav.overlays.overlay import without_overlay
 from vnav.registration.reduction import reduced
 from vnav.threads import one_blas_thread, one_opencv_thread
-from vnav.tracking.fresh_frames import FreshFrames
 from vnav.tracking.given_poses import GivenPoses, poses_at
 from vnav.tracking.odometry_builder import OdometryBuilder
 from vnav.tracking.visual_odometry import VisualOdometry
@@ -83,7 +82,7 @@ def run(
     if config.capture.overlay == "auto":
         seen, hidden = without_overlay(capture)
     with folder.writing("odometry", settings, inputs) as draft:
-        odometry = track(seen, config, draft, progress, given, has_slow_camera(capture))
+        odometry = track(seen, config, draft, progress, given, stale_frames(capture))
         save_odometry(draft, odometry)
         folder.set_captures([entry])
     return finished(folder, report(odometry, hidden), started)
@@ -95,11 +94,11 @@ def track(
     draft: Path,
     progress: Progress = silent,
     given: Trajectory | None = None,
-    is_slow: bool = False,
+    stale: Mapping[int, str] | None = None,
 ) -> Odometry:
     """Odometry over all frames; keyframes' images are written into the draft as they are chosen.
 
-    Where one camera ``is_slow``, frames that have an image of the frame before are left out.
+    Frames that are ``stale``, by row, are left out for that reason.
 
     TrajectoryError where hardly any frame has a pose of those ``given``.
     """
@@ -110,13 +109,11 @@ def track(
         light = EVEN_LIGHT
         if config.capture.flatten == "auto":
             capture, light = flattened(capture, pool, progress)
-        written, fresh = [], FreshFrames()
-        for row, seen in _frames(capture, _description(config, given is not None), pool):
+        written, description = [], _description(config, given is not None)
+        for row, seen in _frames(capture, description, pool, stale or {}):
             progress("odometry", row, len(frames))
             if isinstance(seen, str):
                 builder.skip(row, seen)
-            elif repeated := is_slow and fresh.repeated(seen.frame):
-                builder.skip(row, repeated)
             elif builder.add(seen.features, seen.frame, seen.image) or keeps_all:
                 written.append(pool.submit(save_keyframe, draft, row, seen.frame))
         for keyframe in written:
@@ -162,7 +159,10 @@ class _Seen:
 
 
 def _frames(
-    capture: Capture, description: tuple[Description | None, Limit], pool: ThreadPoolExecutor
+    capture: Capture,
+    description: tuple[Description | None, Limit],
+    pool: ThreadPoolExecutor,
+    stale: Mapping[int, str],
 ) -> Iterator[tuple[int, _Seen | str]]:
     """Every frame in order, read by the pool a little ahead; or why it cannot be.
 
@@ -171,6 +171,8 @@ def _frames(
     camera = rectified(capture.camera)
 
     def see(row: int) -> _Seen | str:
+        if row in stale:
+            return stale[row]
         try:
             frame = resampled(capture.read(row), camera)
         except CaptureError as error:
