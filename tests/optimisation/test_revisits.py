@@ -80,7 +80,7 @@ def test_edges_by_surfaces_are_nearer_to_the_truth_than_the_walk(
     look, right = looking(bent), odometry.T_segment_camera
     revisits = look.revisits(bent.T_segment_camera, 0.0)
 
-    edges = look.surface_edges(revisits)
+    edges = look.surface_edges(revisits, set())
 
     assert {(e.i, e.j) for e in edges} <= set(revisits.pairs)
     assert len(edges) >= 5
@@ -88,6 +88,18 @@ def test_edges_by_surfaces_are_nearer_to_the_truth_than_the_walk(
         off = se3.deviation(se3.inverse(se3.inverse(right[e.i]) @ right[e.j]) @ e.T_i_j)
         assert off @ e.information @ off < 6  # that of its own six degrees of freedom
         assert np.linalg.norm(off[:3]) < 0.75 * DRIFT_RAD * (e.j - e.i) / len(right)
+
+
+def test_keyframes_that_are_joined_already_get_no_second_edge(
+    bent: Odometry, looking: Looking
+) -> None:
+    look = looking(bent)
+    revisits = look.revisits(bent.T_segment_camera, 0.0)
+    first, *others = look.surface_edges(revisits, set())
+
+    found = look.surface_edges(revisits, {(first.i, first.j)})
+
+    assert [(e.i, e.j) for e in found] == [(e.i, e.j) for e in others]
 
 
 def test_surfaces_take_back_what_a_walk_without_loops_has_turned(
@@ -130,6 +142,6 @@ def test_surfaces_are_held_against_each_other_where_depth_was_measured(
 
     by_delay, without = (off_m(told.pairs, r.T_i_j, right).max() for r in (told, untold))
     assert by_delay < 0.5 * without  # a velocity changes in a tenth of a second, too
-    edges = look.surface_edges(told)
+    edges = look.surface_edges(told, set())
     pairs, by_surface = [(e.i, e.j) for e in edges], np.stack([e.T_i_j for e in edges])
     assert off_m(pairs, by_surface, early).mean() < 0.5 * off_m(pairs, by_surface, right).mean()

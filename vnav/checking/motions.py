@@ -4,7 +4,7 @@ Where places look the same, many loops are false, and a good map turns them down
 better motion in the loop than in the map. A map that is wrong turns down loops that are right.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,10 +14,8 @@ from vnav.core import se3
 from vnav.core.arrays import Array
 from vnav.core.frame import Edge
 from vnav.core.mapping import LOST
-from vnav.core.reduced_frame import ReducedFrame
+from vnav.core.reduced_frame import Seen
 from vnav.registration.judge import CLEAR, judge
-
-Seen = Callable[[int], ReducedFrame]  # a keyframe's pixels by its row
 
 
 def unborne_steps(

@@ -1,5 +1,6 @@
 """Frames made small, so that all their pixels can be asked at little cost."""
 
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -35,6 +36,9 @@ class ReducedFrame:
     def moving(self, twist: Array) -> "ReducedFrame":
         """The same, of a camera that moves by a twist."""
         return replace(self, twist=twist)
+
+
+Seen = Callable[[int], ReducedFrame]  # a keyframe's pixels by its row
 
 
 def reduced_camera(camera: Intrinsics, block_px: int) -> Intrinsics:

@@ -1,4 +1,4 @@
-"""How much of what one keyframe sees another sees, too, by their poses."""
+"""Pairs of keyframes: how much both see by their poses, and which are apart in time."""
 
 from collections.abc import Sequence
 

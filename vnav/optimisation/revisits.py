@@ -3,7 +3,7 @@
 From two sides a place may share no features, and it has the same surfaces all the same.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,7 +15,7 @@ from vnav.core.arrays import Array, evenly
 from vnav.core.camera import Intrinsics
 from vnav.core.frame import Edge, Rejected
 from vnav.core.mapping import LOST, Odometry
-from vnav.core.reduced_frame import ReducedFrame
+from vnav.core.reduced_frame import Seen
 from vnav.core.view_overlap import are_apart, view_overlap
 from vnav.optimisation.camera_motion import velocities
 from vnav.registration.dense import align_surfaces
@@ -26,7 +26,8 @@ MIN_OVERLAP = 0.3  # share of the view that both see
 NEIGHBOURS = 1, 2  # keyframes onward that tell what is usual
 DISAGREEING, LEAST_DISAGREEING = 0.2, 2  # share of revisits, and number, that speak against a map
 
-Seen = Callable[[int], ReducedFrame]  # a keyframe's pixels by its row
+
+Pair = tuple[int, int]
 
 
 @dataclass(frozen=True)
@@ -37,8 +38,8 @@ class Revisits:
     (N, 4, 4): how each frame's camera moved until its depth was measured.
     """
 
-    pairs: tuple[tuple[int, int], ...]
-    disagreeing: tuple[tuple[int, int], ...]
+    pairs: tuple[Pair, ...]
+    disagreeing: tuple[Pair, ...]
     T_i_j: Array
     delayed: Array
 
@@ -84,11 +85,15 @@ def find_revisits(
     )
 
 
-def surface_edges(revisits: Revisits, seen: Seen, config: RegistrationConfig) -> list[Edge]:
-    """Edges between the keyframes of revisits, by their surfaces alone."""
+def surface_edges(
+    revisits: Revisits, joined: Collection[Pair], seen: Seen, config: RegistrationConfig
+) -> list[Edge]:
+    """Edges between the keyframes of revisits, by their surfaces alone, but those ``joined``."""
     edges = []
     delayed, back = revisits.delayed, se3.inverse(revisits.delayed)
     for (i, j), T_i_j in zip(revisits.pairs, revisits.T_i_j, strict=True):
+        if (i, j) in joined:
+            continue
         found = align_surfaces(seen(i), seen(j), config, T_i_j)
         if not isinstance(found, Rejected):
             edges.append(Edge(i, j, delayed[i] @ found.T_a_b @ back[j], found.information))

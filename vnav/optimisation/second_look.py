@@ -1,6 +1,6 @@
 """A second look at a stretch of odometry that closures contradict: by its keyframes' pixels."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 
@@ -20,7 +20,7 @@ from vnav.features.matching import DescriptorMatcher
 from vnav.optimisation.camera_motion import velocities
 from vnav.optimisation.contradictions import Contradiction
 from vnav.optimisation.cycles import are_wrong
-from vnav.optimisation.revisits import Revisits, find_revisits, surface_edges
+from vnav.optimisation.revisits import Pair, Revisits, find_revisits, surface_edges
 from vnav.optimisation.segments import Inside, same_pose
 from vnav.registration.dense import align
 from vnav.registration.judge import CLEAR, judge
@@ -111,9 +111,9 @@ class SecondLook:
         odometry, cameras = self._odometry, self._cameras
         return find_revisits(odometry, poses, depth_delay_s, cameras, self._moving, self._config)
 
-    def surface_edges(self, revisits: Revisits) -> list[Edge]:
-        """Edges between these by their surfaces."""
-        return surface_edges(revisits, self._moving, self._config.registration)
+    def surface_edges(self, revisits: Revisits, joined: Collection[Pair]) -> list[Edge]:
+        """Edges between these by their surfaces, but where pairs are joined already."""
+        return surface_edges(revisits, joined, self._moving, self._config.registration)
 
     def log_odds(self, i: int, j: int, motions: Sequence[Array]) -> Array:
         """Of each motion (C,) from keyframe i to j against each (C + 1, C + 1), none the last."""

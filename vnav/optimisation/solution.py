@@ -101,8 +101,7 @@ def _contradicting_surfaces(
     revisits = look.revisits(poses, adjusted.sensor.errors.depth_delay_s)
     if not revisits.contradict:
         return []
-    closed = {(e.i, e.j) for e in closures}
-    return [e for e in look.surface_edges(revisits) if (e.i, e.j) not in closed]
+    return look.surface_edges(revisits, {(e.i, e.j) for e in closures})
 
 
 def _solve_given(

@@ -79,9 +79,8 @@ def align_surfaces(
     """
     images, sigma = ImagePair.of_blocks(a, b), config.depth_sigma_per_m2
     term = images.surface_term(BLURS_BLOCKS[-1], sigma).near(predicted, SAME_SURFACE_SIGMAS)
-    terms = (term,)
-    T_a_b = _minimised(terms, predicted, predicted)
-    return _estimate(terms, T_a_b, predicted, MIN_SURFACE)
+    T_a_b = _minimised([term], predicted, predicted)
+    return _estimate([term], T_a_b, predicted, MIN_SURFACE)
 
 
 def _aligned(

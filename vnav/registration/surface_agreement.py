@@ -4,7 +4,7 @@ A map that is bent puts surfaces where other keyframes see free space, or beside
 two keyframes may differ, their sensor tells itself: by keyframes that follow each other.
 """
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from vnav.config import RegistrationConfig
 from vnav.core import se3
 from vnav.core.arrays import Array, Floats
-from vnav.core.reduced_frame import BLOCK_PX, ReducedFrame
+from vnav.core.reduced_frame import BLOCK_PX, ReducedFrame, Seen
 from vnav.registration.pixel_evidence import carried
 
 STRIDE_PX = 2  # between the pixels that are compared
@@ -64,7 +64,7 @@ def agreement(
 def agreements(
     pairs: Iterable[tuple[int, int]],
     T_world_camera: Array,
-    seen: Callable[[int], ReducedFrame],
+    seen: Seen,
     config: RegistrationConfig,
     through_sigmas: float = SEEN_THROUGH_SIGMAS,
 ) -> list[Agreement]:

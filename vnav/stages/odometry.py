@@ -233,7 +233,8 @@ def report(odometry: Odometry, hidden: float = 0.0) -> Report:
     lines = line, *_light_lines(light, len(odometry.light)), *_moving_line(moving)
     if hidden:
         lines += (f"{overlay_text(hidden)}: depth there is left out",)
-    values |= {"light": light, "moving": moving, "overlay": hidden}
+        values["overlay"] = hidden
+    values |= {"light": light, "moving": moving}
     return Report("odometry", values, lines, warnings + unmasked)
 
 
