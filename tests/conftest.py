@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from vnav.core.camera import Intrinsics
     from vnav.core.frame import Frame
     from vnav.core.mapping import Odometry
+    from vnav.io.sources.capture import Capture
     from vnav.io.store.map_folder import MapFolder
 
     Altering = Callable[[MapFolder, str], AbstractContextManager[Path]]
@@ -99,12 +100,17 @@ def camera(folder: "MapFolder") -> "Intrinsics":
 
 
 @pytest.fixture(scope="module")
-def frames(tiny_capture: Path) -> "list[Frame]":
-    """The first six frames of the tiny capture."""
+def capture(tiny_capture: Path) -> "Capture":
+    """The tiny capture, opened."""
     from vnav.config import CaptureConfig
     from vnav.io.sources.open_capture import open_capture
 
-    capture = open_capture(tiny_capture, CaptureConfig())
+    return open_capture(tiny_capture, CaptureConfig())
+
+
+@pytest.fixture(scope="module")
+def frames(capture: "Capture") -> "list[Frame]":
+    """The first six frames of the tiny capture."""
     return [capture.read(k) for k in range(6)]
 
 

@@ -1,7 +1,6 @@
 """What `vnav check` says of the light of a capture."""
 
 from concurrent.futures import ThreadPoolExecutor
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -11,14 +10,8 @@ from tests.lighting.lamp import LampLit, lamp
 from vnav.checking.capture_report import summary
 from vnav.config import CaptureConfig, Config
 from vnav.io.sources.capture import Capture
-from vnav.io.sources.open_capture import open_capture
 from vnav.io.sources.subset import Subset
 from vnav.lighting.flattened import light_of
-
-
-@pytest.fixture(scope="module")
-def capture(tiny_capture: Path) -> Capture:
-    return open_capture(tiny_capture, CaptureConfig())
 
 
 @pytest.fixture(scope="module")

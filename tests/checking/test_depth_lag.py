@@ -1,18 +1,15 @@
 """A rendered capture whose depth is paired with the colour of other frames."""
 
 import dataclasses
-from pathlib import Path
 
 import numpy as np
 import pytest
 
 from vnav.checking.capture_report import inspect, summary
 from vnav.checking.depth_lag import REACH, DepthLag, depth_lag, lagging_profiles, rows_to_compare
-from vnav.config import CaptureConfig
 from vnav.core.frame import Frame
 from vnav.io.sources.capture import Capture
 from vnav.io.sources.derived import DerivedCapture
-from vnav.io.sources.open_capture import open_capture
 
 
 class Late(DerivedCapture):
@@ -25,11 +22,6 @@ class Late(DerivedCapture):
     def read(self, index: int) -> Frame:
         earlier = super().read(min(max(index - self._by, 0), self._last))
         return dataclasses.replace(super().read(index), depth_m=earlier.depth_m)
-
-
-@pytest.fixture(scope="module")
-def capture(tiny_capture: Path) -> Capture:
-    return open_capture(tiny_capture, CaptureConfig())
 
 
 def found(capture: Capture) -> DepthLag | None:

@@ -2,18 +2,15 @@
 
 import dataclasses
 from concurrent.futures import ThreadPoolExecutor
-from pathlib import Path
 
 import numpy as np
 import pytest
 
 from tests.lighting.lamp import LampLit, lamp, squares
-from vnav.config import CaptureConfig
 from vnav.core.frame import Frame
 from vnav.core.mapping import EVEN_LIGHT
 from vnav.errors import CaptureError
 from vnav.io.sources.capture import Capture
-from vnav.io.sources.open_capture import open_capture
 from vnav.io.sources.subset import Subset
 from vnav.lighting.falloff import LightProfile
 from vnav.lighting.flattened import MOST_GAIN, Flattened, flattened, light_of
@@ -47,11 +44,6 @@ class Plain(LampLit):
     def read(self, index: int) -> Frame:
         frame = self.whole.read(index)
         return dataclasses.replace(frame, color=np.full_like(frame.color, self._value))
-
-
-@pytest.fixture(scope="module")
-def capture(tiny_capture: Path) -> Capture:
-    return open_capture(tiny_capture, CaptureConfig())
 
 
 @pytest.fixture(scope="module")

@@ -1,7 +1,6 @@
 """What every image shows at one place: found where the camera moves, and without depth then."""
 
 import dataclasses
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -15,15 +14,9 @@ from vnav.core.frame import Frame
 from vnav.errors import CaptureError
 from vnav.io.sources.capture import Capture
 from vnav.io.sources.derived import DerivedCapture
-from vnav.io.sources.open_capture import open_capture
 from vnav.overlays.overlay import WIDTH_PX, overlay_of, without_overlay
 
 LARGER = 3  # than the tiny capture
-
-
-@pytest.fixture(scope="module")
-def capture(tiny_capture: Path) -> Capture:
-    return open_capture(tiny_capture, CaptureConfig())
 
 
 @pytest.fixture(scope="module")

@@ -4,11 +4,10 @@ from pathlib import Path
 
 import pytest
 
-from vnav.config import CaptureConfig, Config, FeaturesConfig, VocabularyConfig
+from vnav.config import Config, FeaturesConfig, VocabularyConfig
 from vnav.core.progress import silent
 from vnav.errors import ConfigError, MapError
 from vnav.io.sources.capture import Capture
-from vnav.io.sources.open_capture import open_capture
 from vnav.io.store.map_folder import STAGES, MapFolder
 from vnav.io.store.overview import overview
 from vnav.pipeline.build import build, build_map, expect_captures
@@ -21,11 +20,6 @@ CONFIG = Config(features=FeaturesConfig(max_features=700))  # that of the map th
 def folder(whole_map: Path, tmp_path: Path) -> MapFolder:
     shutil.copytree(whole_map, tmp_path / "map")
     return MapFolder(tmp_path / "map")
-
-
-@pytest.fixture
-def capture(tiny_capture: Path) -> Capture:
-    return open_capture(tiny_capture, CaptureConfig())
 
 
 def redone(folder: MapFolder, capture: Capture, config: Config = CONFIG) -> list[str]:

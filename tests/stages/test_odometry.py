@@ -78,11 +78,6 @@ class Cut:
 
 
 @pytest.fixture(scope="module")
-def capture(tiny_capture: Path) -> Capture:
-    return open_capture(tiny_capture, CaptureConfig())
-
-
-@pytest.fixture(scope="module")
 def truth(tiny_capture: Path) -> np.ndarray:
     return read_tum(tiny_capture / "groundtruth.txt").T_world_camera
 

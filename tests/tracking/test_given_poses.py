@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from vnav.config import CaptureConfig, Config, FeaturesConfig, OptimiseConfig
+from vnav.config import Config, FeaturesConfig, OptimiseConfig
 from vnav.core import se3
 from vnav.core.frame import Frame
 from vnav.core.mapping import LOST, Odometry, OptimisedMap
@@ -15,7 +15,6 @@ from vnav.core.trajectory import Trajectory
 from vnav.errors import CaptureError, ConfigError, TrajectoryError
 from vnav.io.formats.trajectories import read_tum
 from vnav.io.sources.capture import Capture
-from vnav.io.sources.open_capture import open_capture
 from vnav.io.store.artifacts import (
     load_loop_edges,
     load_loops,
@@ -33,11 +32,6 @@ from vnav.tracking.given_poses import NO_POSE, poses_at
 CONFIG = Config(features=FeaturesConfig(max_features=500))  # a third: quick
 NOISE = np.repeat([0.015, 0.03], 3)  # rad, m
 WITHOUT = 7  # the frame whose pose is left out
-
-
-@pytest.fixture(scope="module")
-def capture(tiny_capture: Path) -> Capture:
-    return open_capture(tiny_capture, CaptureConfig())
 
 
 @pytest.fixture(scope="module")
