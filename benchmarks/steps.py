@@ -29,6 +29,7 @@ from vnav.io.store.map_folder import STAGES
 LOOKS_HZ = 100
 LEAST = 0.01  # share of the whole: steps that take less are told together
 LOADING, OTHERS = "libraries loaded", "the rest"
+WAITING = "thread.py", "threading.py"  # files in which a thread waits for work or for another
 Seconds = Counter[str]  # by step
 
 
@@ -46,7 +47,8 @@ def by_step(seen: dict[str, Any]) -> Seconds:
     frames, seconds = [frame["file"] or "" for frame in seen["shared"]["frames"]], Seconds()
     for thread in seen["profiles"]:
         for stack, weight in zip(thread["samples"], thread["weights"], strict=True):
-            seconds[step_of(frames[k] for k in reversed(stack))] += weight
+            if not stack or Path(frames[stack[-1]]).name not in WAITING:
+                seconds[step_of(frames[k] for k in reversed(stack))] += weight
     return seconds
 
 

@@ -36,6 +36,13 @@ def test_times_of_all_threads_are_added_up(steps: ModuleType) -> None:
     assert found == pytest.approx({"a": 0.05, "b": 0.02})
 
 
+def test_a_thread_that_waits_takes_no_time(steps: ModuleType) -> None:
+    frames = [{"file": "/x/vnav/a.py"}, {"file": "/lib/concurrent/futures/thread.py"}]
+    threads = [{"samples": [[0, 1], [1, 0], [1]], "weights": [0.1, 0.02, 0.4]}]
+    found = steps.by_step({"shared": {"frames": frames}, "profiles": threads})
+    assert found == pytest.approx({"a": 0.02})
+
+
 def test_steps_that_take_little_are_told_together(steps: ModuleType) -> None:
     seconds = steps.Seconds({"a": 0.9, "b": 0.095, "c": 0.004, steps.OTHERS: 0.001})
     found = {
