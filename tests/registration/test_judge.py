@@ -87,6 +87,15 @@ def test_evidence_of_two_pairs_of_frames_is_stronger_than_that_of_one() -> None:
     assert (one + one).probabilities[1] > one.probabilities[1]
 
 
+def test_a_prior_decides_what_pixels_leave_open_and_nothing_else() -> None:
+    tie = PixelEvidence(np.zeros((3, 3)), np.ones((3, 3)))
+    clear = PixelEvidence(np.array([[0, 20, 20], [-20, 0, 0], [-20, 0, 0.0]]), np.ones((3, 3)))
+    prior = np.array([-3.0, 0.0])
+    np.testing.assert_allclose(tie.probabilities, 1 / 3)
+    assert tie.posterior(prior)[1] > 9 * tie.posterior(prior)[0]
+    assert clear.posterior(prior)[0] > 0.99
+
+
 def test_motions_are_the_same_that_pixels_cannot_tell_apart() -> None:
     a = reduced(view([Plane(2.0, speckle(8))], 0, seed=0))
     assert are_same(a, shift(0.05), shift(0.052), CONFIG)

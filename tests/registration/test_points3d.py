@@ -336,6 +336,28 @@ def test_a_motion_that_few_of_the_predicted_places_bear_out_gives_way_to_one_of_
     assert len(estimate.inliers) > 70
 
 
+def test_near_a_motion_its_own_matches_are_found_among_more_that_walk_along() -> None:
+    # Somebody 1.2 m ahead, who walks as fast as the camera: his points stay where they are in it.
+    rng, forward = np.random.default_rng(5), se3.exp([0, 0, 0, 0, 0, 0.06])
+    room, walker = (
+        scattered(rng, 80),
+        CAMERA.unproject(rng.uniform(200, 440, (160, 2)), np.full(160, 1.2)),
+    )
+    descriptors = described(rng, 240)
+    there = np.concatenate([se3.transform(se3.inverse(forward), room), walker])
+    pair = (
+        measured(np.concatenate([room, walker]), descriptors, rng),
+        measured(there, descriptors, rng),
+    )
+    predicted = forward @ se3.exp([0.002, 0, 0, 0.002, 0, 0.003])
+
+    found = PAIR.hypotheses_near(*pair, predicted)
+
+    off = [np.linalg.norm((se3.inverse(forward) @ e.T_a_b)[:3, 3]) for e in found]
+    assert min(off) < 0.005
+    assert max(off) > 0.04  # that of the walker, on whom all matches together settle
+
+
 def test_a_prediction_that_is_off_by_what_repeats_does_not_hide_the_right_motion() -> None:
     # A wall, every 0.3 m the same but for little; in the image 79 px, out of reach of the search.
     rng, period, count = np.random.default_rng(3), 0.3, 6

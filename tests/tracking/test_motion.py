@@ -26,6 +26,33 @@ def test_the_last_step_is_predicted_again() -> None:
     np.testing.assert_allclose(motion.predicted(0), STEP @ STEP, atol=1e-9)
 
 
+def test_the_likeliest_pose_is_where_the_motion_goes_on() -> None:
+    motion = after_two_frames()
+    expected = motion.expected[0]
+    beside = [expected @ se3.exp([0, 0, 0, 0, off, 0]) for off in (0.0, 0.02, 0.06, 0.6)]
+    turned = [expected @ se3.exp([off, 0, 0, 0, 0, 0]) for off in (0.0, 0.03, 0.3)]
+    for poses in (beside, turned):
+        log_priors = [motion.log_prior(T) for T in poses]
+        assert log_priors[0] == 0
+        assert sorted(log_priors, reverse=True) == log_priors
+        assert log_priors[-1] > -8  # a camera that is pushed is not impossible
+
+
+def test_after_a_longer_time_a_camera_may_have_changed_its_motion_more() -> None:
+    early, late = after_two_frames(), after_two_frames()
+    late.predict(5.4)
+    off = se3.exp([0, 0, 0, 0.05, 0, 0])
+    assert late.log_prior(late.expected[0] @ off) > early.log_prior(early.expected[0] @ off) + 1
+
+
+def test_before_there_is_a_velocity_no_pose_is_likelier() -> None:
+    motion = ConstantVelocity()
+    motion.predict(5.0)
+    motion.update(0, {})
+    motion.predict(5.1)
+    assert motion.log_prior(STEP) == 0
+
+
 def test_after_a_gap_a_longer_step_is_predicted() -> None:
     motion = after_two_frames()
     motion.predict(5.3)

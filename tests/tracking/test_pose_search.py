@@ -14,7 +14,14 @@ from vnav.features import front_end
 from vnav.features.lifting import lift
 from vnav.registration.judge import PixelEvidence
 from vnav.registration.reduction import reduced
-from vnav.tracking.pose_choice import ChosenMotions, PoseChoice, Target, TrackedFrame
+from vnav.tracking.pose_choice import (
+    ChosenMotions,
+    LogPrior,
+    PoseChoice,
+    Target,
+    TrackedFrame,
+    evenly_likely,
+)
 from vnav.tracking.pose_search import PoseSearch
 
 CONFIG = Config(features=FeaturesConfig(max_features=500))
@@ -35,7 +42,9 @@ def at(x: float) -> np.ndarray:
     return se3.make(np.eye(3), [x, 0, 0])
 
 
-def found(scenes: list[list[Plane]], expected: list[float]) -> ChosenMotions:
+def found(
+    scenes: list[list[Plane]], expected: list[float], log_prior: LogPrior = evenly_likely
+) -> ChosenMotions:
     """The choice for the last of three views, of a camera that moves to the right."""
     places = FIRST_M, LAST_M, NOW_M
     views = [
@@ -43,7 +52,7 @@ def found(scenes: list[list[Plane]], expected: list[float]) -> ChosenMotions:
     ]
     frames = [tracked(v) for v in views]
     targets = [Target(frames[1], at(LAST_M)), Target(frames[0], at(FIRST_M))]
-    return PoseSearch(CONFIG).search(targets, frames[2], [at(x) for x in expected])
+    return PoseSearch(CONFIG).search(targets, frames[2], [at(x) for x in expected], log_prior)
 
 
 def off_m(choice: ChosenMotions) -> list[float]:
@@ -80,6 +89,20 @@ def test_among_shelves_that_are_all_the_same_the_pose_that_was_expected_is_among
     assert max(e.probability for e in choice.estimates.values()) < 0.95
 
 
+@pytest.mark.parametrize("right_m", [NOW_M, NOW_M - PERIOD_M])
+def test_among_shelves_that_are_all_the_same_the_likelier_motion_is_taken(right_m: float) -> None:
+    scenes, expected = [[SHELVES]] * 3, [NOW_M + 0.01, NOW_M - PERIOD_M]
+    choice = found(scenes, expected, lambda T: -8 * abs(T[0, 3] - right_m) / PERIOD_M)
+    np.testing.assert_allclose(off_m(choice), NOW_M - right_m, atol=0.01)
+    assert choice.probability > 0.9
+
+
+def test_what_pixels_tell_clearly_no_prior_overrules() -> None:
+    choice = found([[WALL]] * 3, [LAST_M, NOW_M], lambda T: -4 * abs(T[0, 3] - LAST_M) / 0.06)
+    assert max(off_m(choice)) < 0.01
+    assert choice.probability > 0.95
+
+
 def test_poses_that_unknown_delays_set_apart_share_their_probability() -> None:
     (at_rest,), (moving,) = (weighed(v, apart_m=0.006).estimates.values() for v in (0.0, 1.0))
     assert at_rest.probability < 0.9
@@ -109,6 +132,6 @@ def test_what_poses_share_is_at_most_one_in_spite_of_rounding(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     rounded = np.array([0.5, 0.5 + 2.0**-52])
-    monkeypatch.setattr(PixelEvidence, "probabilities", rounded)
+    monkeypatch.setattr(PixelEvidence, "posterior", lambda _evidence, _prior: rounded)
     found = weighed(1.0, apart_m=0.006).estimates.values()
     assert [estimate.probability for estimate in found] == [1.0]

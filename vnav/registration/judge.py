@@ -69,7 +69,13 @@ class PixelEvidence:
     @property
     def probabilities(self) -> Array:
         """That each candidate (C,) is right; what they leave is the probability that none is."""
-        against_all = 1 / np.exp(np.minimum(self.log_odds, 700).T).sum(1)
+        return self.posterior(np.zeros(len(self.favour) - 1))
+
+    def posterior(self, log_prior: Array) -> Array:
+        """The same, of candidates that are not alike likely; none is as likely as the best."""
+        prior = np.append(log_prior, log_prior.max())
+        log_odds = self.log_odds + prior[:, None] - prior
+        against_all = 1 / np.exp(np.minimum(log_odds, 700).T).sum(1)
         return np.asarray(against_all / against_all.sum())[:-1]
 
 

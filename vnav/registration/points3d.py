@@ -17,6 +17,7 @@ from vnav.registration.correspondences import Correspondences, ImagesInBlocks
 from vnav.registration.estimators import estimator
 
 TWINS_SOUGHT = 64  # of the matches that agree, evenly spread over them
+FITTING_SIGMAS = 6.0  # that a match may be off a pose that is predicted, and not measured
 MOTIONS = 3  # of a set of matches: the camera's, and those of what repeats or moves
 
 
@@ -108,9 +109,20 @@ class PointRegistration:
     ) -> PoseEstimate | Rejected:
         """The motion from matches close to where a first one puts them, if there are so many."""
         matches = self.match_guided(a, b, T_a_b, self.config.refine_radius_px)
-        if len(matches) < max(at_least, self.config.min_inliers):
-            return Rejected("too few matches", len(matches))
-        return estimator(self.config).refine(T_a_b, self._correspondences(a, b, matches))
+        return self._refined(T_a_b, a, b, matches, at_least)
+
+    def hypotheses_near(
+        self, a: FrameFeatures, b: FrameFeatures, T_a_b: Array
+    ) -> list[PoseEstimate]:
+        """The motions from matches close to where a first one puts them: by all, by those it fits.
+
+        Somebody who walks ahead of the camera is close to where its motion puts him, but in depth
+        not there. All matches together may settle on his motion.
+        """
+        matches = self.match_guided(a, b, T_a_b, self.config.refine_radius_px)
+        fitting = self._correspondences(a, b, matches).squared(T_a_b) < FITTING_SIGMAS**2
+        found = [self._refined(T_a_b, a, b, rows) for rows in (matches, matches[fitting])]
+        return [estimate for estimate in found if isinstance(estimate, PoseEstimate)]
 
     def match_guided(
         self,
@@ -133,6 +145,19 @@ class PointRegistration:
         back = self.matcher.match_guided(b.features, a.features, in_a, radius_px)[:, ::-1]
         only_b = ~a.has_depth[back[:, 0]] & ~np.isin(back[:, 1], found[:, 1])
         return np.concatenate([found, back[only_b]])
+
+    def _refined(
+        self,
+        T_a_b: Array,
+        a: FrameFeatures,
+        b: FrameFeatures,
+        matches: NDArray[np.int32],
+        at_least: int = 0,
+    ) -> PoseEstimate | Rejected:
+        """The motion that matches agree on near a first one, if there are so many."""
+        if len(matches) < max(at_least, self.config.min_inliers):
+            return Rejected("too few matches", len(matches))
+        return estimator(self.config).refine(T_a_b, self._correspondences(a, b, matches))
 
     def _is_sure(self, guided: PoseEstimate, a: FrameFeatures, b: FrameFeatures) -> bool:
         """Whether nearly all matches agree, and nearly all have no twin elsewhere in b's image."""

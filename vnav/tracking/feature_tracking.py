@@ -69,8 +69,9 @@ class FeatureTracker:
         if not frames:
             return ChosenMotions()
         targets, poses = self._targets(frames), self._motion.poses
-        in_track = all(target.row in poses for target in targets)
-        return self._search.search(targets, current, self._motion.expected if in_track else [])
+        if any(target.row not in poses for target in targets):
+            return self._search.search(targets, current, [])
+        return self._search.search(targets, current, self._motion.expected, self._motion.log_prior)
 
     def _targets(self, frames: Sequence[TrackedFrame]) -> list[Target]:
         poses = self._motion.poses

@@ -1,4 +1,8 @@
-"""The constant-velocity motion model: where the next frame will be if the motion goes on."""
+"""The constant-velocity motion model: where the next frame will be if the motion goes on.
+
+A hand or a robot changes its velocity little from frame to frame. What is far from the predicted
+pose is less likely, but not by much: somebody may stumble.
+"""
 
 from collections.abc import Mapping
 
@@ -7,6 +11,8 @@ import numpy as np
 from vnav.core import se3
 from vnav.core.arrays import Array
 
+ACCELERATIONS = 3.0, 2.0  # rad/s2, m/s2: usual ones of a camera that is carried
+STEP_SIGMAS = 0.002, 0.003  # rad, m: of a step that was measured
 MAX_STEPS = 3.5  # time steps that the velocity is trusted for; after a longer gap it is not
 
 
@@ -44,7 +50,7 @@ class ConstantVelocity:
             pose = self._T_start_camera[known[0][0]] @ known[0][1]
         previous = self._T_start_camera.get(self._last)
         self._step = np.eye(4) if previous is None else se3.inverse(previous) @ pose
-        self._step_s = self._next_s - self._last_s
+        self._step_s = 0.0 if previous is None else self._next_s - self._last_s
         self._T_start_camera[row] = pose
         self._last, self._last_s = row, self._next_s
 
@@ -58,6 +64,18 @@ class ConstantVelocity:
         """Where the next frame is in the track: if the motion goes on, and if the camera rests."""
         T_start_last = self._T_start_camera[self._last]
         return [T_start_last @ self._T_last_next, T_start_last]
+
+    def log_prior(self, T_start_next: Array) -> float:
+        """How likely the next frame is there, as a log-density: 0 where the motion goes on.
+
+        Cauchy's, whose tails are heavy. It is 0 anywhere before there is a velocity.
+        """
+        if self._step_s <= 0:
+            return 0.0
+        gap_s = self._next_s - self._last_s
+        off = se3.deviation(se3.inverse(self.expected[0]) @ T_start_next)
+        usual = np.array(ACCELERATIONS) * gap_s * (gap_s + self._step_s) / 2 + STEP_SIGMAS
+        return -float(np.log1p((np.linalg.norm(off.reshape(2, 3), axis=1) / usual) ** 2).sum())
 
     @property
     def twist(self) -> Array:

@@ -5,7 +5,7 @@ cannot tell apart are one, and each is judged against all the earlier frames at 
 to the best agree with each other.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import reduce
 from math import sqrt
@@ -26,8 +26,9 @@ from vnav.registration.pixel_evidence import DEPTH_DELAY_SIGMA_S
 CLEAR = 0.95  # probability of a pose that needs no second look
 UNSURE = 0.5  # probability, below which a pose is in doubt
 DELAY_S = sqrt(2) * DEPTH_DELAY_SIGMA_S  # between two frames, each late by as much
-MAX_POSES = 8  # that are judged
+MAX_POSES = 12  # that are judged
 MIN_ALTERNATIVE = 0.05  # probability of a pose that is kept beside the best
+LogPrior = Callable[[Array], float]  # how likely a pose ``T_track_current`` is by itself
 Motions = dict[int, PoseEstimate]  # to the current frame, by the row of the frame they are from
 
 
@@ -112,13 +113,23 @@ class _Pose:
     motions: Motions = field(default_factory=dict)
 
 
+def evenly_likely(_T_track_current: Array) -> float:
+    """The prior where nothing is known of the motion."""
+    return 0.0
+
+
 class PoseChoice:
     """The poses that are suggested of a frame, held against the targets, of which one at least."""
 
     def __init__(
-        self, targets: Sequence[Target], current: ReducedFrame, config: RegistrationConfig
+        self,
+        targets: Sequence[Target],
+        current: ReducedFrame,
+        config: RegistrationConfig,
+        log_prior: LogPrior = evenly_likely,
     ) -> None:
         self._targets, self._current, self._config = targets, current, config
+        self._log_prior = log_prior
         self._poses: list[_Pose] = []
         self._probabilities = np.zeros(0)
 
@@ -158,14 +169,18 @@ class PoseChoice:
         self._probabilities = np.zeros(0)
 
     def judge(self) -> None:
-        """Weigh the poses by the pixels of all targets, where there are others than before."""
+        """Weigh the poses by the pixels of all targets, where there are others than before.
+
+        Where these leave it open, as among people who walk along, the prior counts.
+        """
         if len(self._probabilities) == len(self._poses):
             return
         evidence = [
             judge(a.frame.image, self._current, [a.motion(T) for T in self.poses], self._config)
             for a in self._targets
         ]
-        self._probabilities = reduce(add, evidence).probabilities
+        log_prior = np.array([self._log_prior(T) for T in self.poses])
+        self._probabilities = reduce(add, evidence).posterior(log_prior)
 
     @property
     def is_clear(self) -> bool:

@@ -12,7 +12,14 @@ from vnav.core.mapping import FrameFeatures
 from vnav.features.matching import DescriptorMatcher
 from vnav.registration.followed_points import FollowedRegistration
 from vnav.registration.points3d import PointRegistration
-from vnav.tracking.pose_choice import ChosenMotions, PoseChoice, Target, TrackedFrame
+from vnav.tracking.pose_choice import (
+    ChosenMotions,
+    LogPrior,
+    PoseChoice,
+    Target,
+    TrackedFrame,
+    evenly_likely,
+)
 
 
 class PoseSearch:
@@ -27,14 +34,16 @@ class PoseSearch:
         targets: Sequence[Target],
         current: TrackedFrame,
         expected: Sequence[Array],
+        log_prior: LogPrior = evenly_likely,
     ) -> ChosenMotions:
         """Motions from the targets to the pose of a frame that is judged best; none without any.
 
         Poses that matches agree on, from one target after the other, are held against those that
         are ``expected`` without matches, ``T_track_current``, the most likely first. Unless one is
-        clearly the best, more are sought: near all so far, and among twins.
+        clearly the best, more are sought: near all so far, and among twins. ``log_prior``: what is
+        known of the pose beforehand.
         """
-        choice = PoseChoice(targets, current.image, self._config)
+        choice = PoseChoice(targets, current.image, self._config, log_prior)
         for target in targets:
             choice.add(target, self._registered(target, current, choice.best, expected))
             if choice.poses:
@@ -83,14 +92,14 @@ class PoseSearch:
     def _seek(self, choice: PoseChoice, target: Target, current: TrackedFrame) -> None:
         """Suggest more poses: by matches of a target near those so far, and by those among twins.
 
-        An expected pose near which matches agree on another has that one in its stead.
+        An expected pose near which matches agree on others has those in its stead.
         """
         a, b, pair = self._pair(target, current)
         predicted, rng = target.motion(choice.poses[0]), self._rng(target, current)
         for pose in choice.missing(target):
-            near = pair.register_near(a, b, target.motion(pose))
-            if isinstance(near, PoseEstimate):
-                choice.add(target, [near])
+            near = pair.hypotheses_near(a, b, target.motion(pose))
+            if near:
+                choice.add(target, near)
                 choice.drop(pose)
         choice.add(target, pair.among_twins(a, b, rng, predicted))
 
