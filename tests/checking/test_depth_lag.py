@@ -1,15 +1,19 @@
 """A rendered capture whose depth is paired with the colour of other frames."""
 
 import dataclasses
+import shutil
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from vnav.checking.capture_report import inspect, summary
 from vnav.checking.depth_lag import REACH, DepthLag, depth_lag, lagging_profiles, rows_to_compare
+from vnav.config import CaptureConfig
 from vnav.core.frame import Frame
 from vnav.io.sources.capture import Capture
 from vnav.io.sources.derived import DerivedCapture
+from vnav.io.sources.open_capture import open_capture
 
 
 class Late(DerivedCapture):
@@ -89,3 +93,21 @@ def test_check_does_not_ask_where_depth_lies_on_its_own_colour(capture: Capture)
     assert report.look is not None
     assert report.look.depth_lag is None
     assert not any("belongs with" in text for text in report.warnings)
+
+
+def test_check_tells_by_how_much_the_stamps_of_depth_are_late(
+    tiny_capture: Path, capture: Capture, tmp_path: Path
+) -> None:
+    folder = tmp_path / "late"
+    shutil.copytree(tiny_capture, folder)
+    text = (folder / "depth.txt").read_text()
+    lines = [line.split() for line in text.splitlines() if line[0] != "#"]
+    late_s = 3 * float(np.diff(capture.stamps_s)[0]) + 0.01  # by which pairs are apart, then
+    late = [f"{float(stamp) + late_s:.6f} {name}\n" for stamp, name in lines]
+    (folder / "depth.txt").write_text("".join(late))
+
+    report = inspect(open_capture(folder, CaptureConfig()))
+
+    (warning,) = (text for text in report.warnings if "belongs with" in text)
+    told_s = float(warning.split(" Add ")[1].split()[0])
+    assert told_s == pytest.approx(-late_s, abs=0.005)  # its own depth is 4 ms late

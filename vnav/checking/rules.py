@@ -98,7 +98,8 @@ def warnings(
     found = [] if files is None else list(files.unreadable)
     found += [] if look is None else look.unreadable
     found += [] if files is None else _of_files(files, len(stamps_s))
-    found += [*_of_times(stamps_s), *([] if look is None else _of_look(look))]
+    offset_s = 0.0 if files is None else files.median_offset_s
+    found += [*_of_times(stamps_s), *([] if look is None else _of_look(look, offset_s))]
     return tuple(dict.fromkeys(found))
 
 
@@ -132,7 +133,7 @@ def _of_times(stamps_s: Array) -> list[str]:
     return [f"no frames for {steps_s[k]:.1f} s after frame {k} ({stamps_s[k]:.3f} s)"]
 
 
-def _of_look(look: FrameFindings) -> list[str]:
+def _of_look(look: FrameFindings, offset_s: float) -> list[str]:
     found = []
     if 0 < look.valid_depth_share < LITTLE_DEPTH:
         found.append(f"only {look.valid_depth_share:.1%} of the pixels have depth")
@@ -140,7 +141,7 @@ def _of_look(look: FrameFindings) -> list[str]:
         found.append(f"{look.blurred_share:.0%} of the frames are blurred; move more slowly")
     if look.dark_share > MANY_POOR:
         found.append(f"{look.dark_share:.0%} of the frames are dark; give more light")
-    return [*found, *_of_registration(look.depth_shift), *_of_lag(look.depth_lag)]
+    return [*found, *_of_registration(look.depth_shift), *_of_lag(look.depth_lag, offset_s)]
 
 
 def _of_registration(shift: DepthShift | None) -> list[str]:
@@ -155,12 +156,13 @@ def _of_registration(shift: DepthShift | None) -> list[str]:
     ]
 
 
-def _of_lag(lag: DepthLag | None) -> list[str]:
+def _of_lag(lag: DepthLag | None, offset_s: float) -> list[str]:
+    """``offset_s``: of depth's stamps, in pairs, from colour's."""
     if lag is None or abs(lag.time_s) <= LATE_S:
         return []
     return [
         f"depth belongs with {lag_text(lag)}; were pairs shifted by a line, do both have one clock?"
-        f" Add {-lag.time_s:.3f} s to depth's time stamps, or record anew"
+        f" Add {-lag.time_s - offset_s:.3f} s to depth's time stamps, or record anew"
     ]
 
 
