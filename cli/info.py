@@ -9,6 +9,7 @@ import click
 
 from vnav.cli.options import map_argument_or_option
 from vnav.cli.say import say
+from vnav.io.store.records import PoseNote, is_kind
 
 
 @click.command()
@@ -44,9 +45,11 @@ def _lines(values: dict[str, Any]) -> Iterator[tuple[str, str]]:
         yield "world", _world(values["world"])
     if "grid" in values:
         yield "grid", _grid(values["grid"])
-    if values["current"]:
-        plain = {k: v for k, v in values["current"].items() if not isinstance(v, list | dict)}
-        yield "located", ", ".join(f"{name} {value}" for name, value in plain.items())
+    current = values["current"] or {}
+    pose: Any = current.get("T_world_camera")
+    if is_kind(pose, PoseNote):
+        x, y, z = (row[3] for row in pose[:3])
+        yield "located", f"{current.get('photo')}: at {x:.3f} {y:.3f} {z:.3f} m"
     for name, stage in values["stages"].items():
         seconds = "" if stage["seconds"] is None else f"{stage['seconds']:8.1f} s"
         yield "stage", f"{name:12}{stage['state']:9}{stage['size_mb']:8.1f} MB{seconds}"

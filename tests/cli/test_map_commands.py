@@ -56,9 +56,11 @@ def test_info_of_an_empty_map_is_no_error(tmp_path: Path) -> None:
 
 
 def test_info_tells_which_photo_was_located_last(tmp_path: Path) -> None:
-    MapFolder.create(tmp_path / "map").write_current({"photo": "a.jpg", "T": [[1.0, 0.0]]})
+    T_world_camera = [[1.0, 0, 0, 1.0], [0, 1.0, 0, -2.5], [0, 0, 1.0, 1.4], [0, 0, 0, 1.0]]
+    current = {"photo": "a.jpg", "T_world_camera": T_world_camera}
+    MapFolder.create(tmp_path / "map").write_current(current)
     lines = run("info", tmp_path / "map").output.splitlines()
-    assert "located     photo a.jpg" in lines
+    assert "located     a.jpg: at 1.000 -2.500 1.400 m" in lines
 
 
 @pytest.mark.parametrize("command", ["info", "report", "export"])
