@@ -92,6 +92,24 @@ def test_fresh_removes_what_vnav_wrote_and_nothing_else(folder: MapFolder) -> No
     assert fresh.captures == []
 
 
+@pytest.mark.parametrize("text", ["", "[1]", '{"format": 1'])
+def test_fresh_takes_the_place_of_a_map_whose_map_json_is_damaged(
+    folder: MapFolder, text: str
+) -> None:
+    write(folder, "odometry")
+    (folder.root / "map.json").write_text(text)
+    assert MapFolder.create(folder.root, fresh=True).captures == []
+    assert names(folder) == {"map.json"}
+
+
+def test_fresh_leaves_a_map_json_alone_that_nothing_shows_to_be_vnavs(tmp_path: Path) -> None:
+    (tmp_path / "map.json").write_text("[1]")
+    (tmp_path / "fuse").mkdir()
+    with pytest.raises(MapError, match="deleted nothing"):
+        MapFolder.create(tmp_path, fresh=True)
+    assert (tmp_path / "fuse").is_dir()
+
+
 def test_fresh_takes_the_place_of_a_map_of_another_format(folder: MapFolder) -> None:
     (folder.root / "map.json").write_text('{"format": 99, "captures": []}')
     assert MapFolder.open(MapFolder.create(folder.root, fresh=True).root).captures == []

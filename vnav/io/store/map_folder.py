@@ -109,7 +109,7 @@ class MapFolder:
         path = self.root / "map.json"
         if path.exists() and not fresh:
             return self.open(self.root).captures
-        if path.exists() and "captures" not in _json(path):
+        if path.exists() and not self._is_own:
             raise MapError(
                 f"expected a map's map.json in {self.root}, found another file of that name, and"
                 " deleted nothing; name another folder with --map"
@@ -122,6 +122,14 @@ class MapFolder:
                     f" ({others[0].name}); name another folder with --map"
                 )
         return []
+
+    @property
+    def _is_own(self) -> bool:
+        """Whether map.json is vnav's; of one that is damaged, a stage beside it tells."""
+        try:
+            return "captures" in _json(self.root / "map.json")
+        except MapError:
+            return any(_intact(self.root / stage / "stage.json") for stage in STAGES)
 
     @property
     def captures(self) -> list[MappedCapture]:
