@@ -378,6 +378,16 @@ def test_a_name_that_is_no_goal_s_is_an_error_that_lists_the_goals(named: Path, 
         _ask(named, "0,0", name)
 
 
+@pytest.mark.parametrize("name", ["desk", "1", "1,2,3"])
+def test_where_a_map_has_no_goals_a_name_is_not_taken_for_a_photo(rooms: Path, name: str) -> None:
+    with pytest.raises(MapError, match=f"expected X,Y, .* found '{name}'; it has none;"):
+        _ask(rooms, "0,0", name)
+
+
+def test_where_a_map_has_no_goals_a_file_that_is_missing_is_a_photo(rooms: Path) -> None:
+    assert "the photo missing.jpg was not located" in _ask(rooms, "0,0", "missing.jpg").reason
+
+
 def test_a_path_keeps_the_robot_off_what_it_is_to_keep_out_of(named: Path, rooms: Path) -> None:
     ends = "3.6,2.5", "5.5,2.5"
     free, bound = _ask(rooms, *ends).found, _ask(named, *ends).found

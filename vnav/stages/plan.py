@@ -198,9 +198,9 @@ def elsewhere(folder: MapFolder, T_world_camera: Array) -> str:
 
 
 def _named(folder: MapFolder, name: str) -> FloorPose | None:
-    """A goal of that name; None where the map has no places at all, and it is a photo's."""
+    """A goal of that name; None where the map has no places at all, and it looks like a file's."""
     places = load_places(folder)
-    if not places:
+    if not places and Path(name).suffix:
         return None
     found = places.get(name)
     if found is None or found.kind != GOAL:
