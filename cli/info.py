@@ -9,7 +9,6 @@ import click
 
 from vnav.cli.options import map_argument_or_option
 from vnav.cli.say import say
-from vnav.io.store.records import PoseNote, is_kind
 
 
 @click.command()
@@ -45,14 +44,19 @@ def _lines(values: dict[str, Any]) -> Iterator[tuple[str, str]]:
         yield "world", _world(values["world"])
     if "grid" in values:
         yield "grid", _grid(values["grid"])
-    current = values["current"] or {}
-    pose: Any = current.get("T_world_camera")
-    if is_kind(pose, PoseNote):
-        x, y, z = (row[3] for row in pose[:3])
-        yield "located", f"{current.get('photo')}: at {x:.3f} {y:.3f} {z:.3f} m"
+    yield from _located(values["current"])
     for name, stage in values["stages"].items():
         seconds = "" if stage["seconds"] is None else f"{stage['seconds']:8.1f} s"
         yield "stage", f"{name:12}{stage['state']:9}{stage['size_mb']:8.1f} MB{seconds}"
+
+
+def _located(current: dict[str, Any] | None) -> Iterator[tuple[str, str]]:
+    from vnav.io.store.records import located_camera
+
+    located = located_camera(current)
+    if current is not None and located is not None:
+        x, y, z = located[0][:3, 3]
+        yield "located", f"{current['photo']}: at {x:.3f} {y:.3f} {z:.3f} m"
 
 
 def _frames(values: dict[str, Any]) -> Iterator[tuple[str, str]]:

@@ -18,6 +18,8 @@ from vnav.io.formats.trajectories import read_tum
 from vnav.io.store.map_folder import MapFolder
 from vnav.io.store.records import MappedCapture
 
+CAMERA = {"width": 64, "height": 48, "fx": 50.0, "fy": 50.0, "cx": 31.5, "cy": 23.5}
+
 
 def run(*arguments: object) -> Result:
     return CliRunner().invoke(
@@ -41,9 +43,8 @@ def test_info_as_json_is_one_object(fused_map: Path) -> None:
 def test_info_of_a_map_whose_capture_has_a_hostile_name_commands_no_terminal(
     tmp_path: Path,
 ) -> None:
-    camera = {"width": 64, "height": 48, "fx": 50.0, "fy": 50.0, "cx": 31.5, "cy": 23.5}
     name = "a\x1b]0;owned\x07\x9b2J"
-    capture = MappedCapture(id=0, name=name, fingerprint="", camera=camera)
+    capture = MappedCapture(id=0, name=name, fingerprint="", camera=CAMERA)
     MapFolder.create(tmp_path / "map").set_captures([capture])
     said = run("info", tmp_path / "map").output
     assert "a\\x1b]0;owned\\x07\\x9b2J" in said
@@ -57,7 +58,7 @@ def test_info_of_an_empty_map_is_no_error(tmp_path: Path) -> None:
 
 def test_info_tells_which_photo_was_located_last(tmp_path: Path) -> None:
     T_world_camera = [[1.0, 0, 0, 1.0], [0, 1.0, 0, -2.5], [0, 0, 1.0, 1.4], [0, 0, 0, 1.0]]
-    current = {"photo": "a.jpg", "T_world_camera": T_world_camera}
+    current = {"photo": "a.jpg", "T_world_camera": T_world_camera, "intrinsics": CAMERA}
     MapFolder.create(tmp_path / "map").write_current(current)
     lines = run("info", tmp_path / "map").output.splitlines()
     assert "located     a.jpg: at 1.000 -2.500 1.400 m" in lines
