@@ -102,7 +102,7 @@ def test_check_tells_by_how_much_the_stamps_of_depth_are_late(
     shutil.copytree(tiny_capture, folder)
     text = (folder / "depth.txt").read_text()
     lines = [line.split() for line in text.splitlines() if line[0] != "#"]
-    late_s = 3 * float(np.diff(capture.stamps_s)[0]) + 0.01  # by which pairs are apart, then
+    late_s = 3 * float(np.diff(capture.stamps_s)[0]) + 0.01  # the pairs found are 10 ms apart
     late = [f"{float(stamp) + late_s:.6f} {name}\n" for stamp, name in lines]
     (folder / "depth.txt").write_text("".join(late))
 

@@ -98,7 +98,7 @@ def track(
 ) -> Odometry:
     """Odometry over all frames; keyframes' images are written into the draft as they are chosen.
 
-    Frames that are ``stale``, by row, are left out for that reason.
+    Frames that are ``stale``, by row, are left out, each for the reason given.
 
     TrajectoryError where hardly any frame has a pose of those ``given``.
     """
