@@ -1,6 +1,7 @@
 """The motion that is predicted of a camera."""
 
 import numpy as np
+import pytest
 
 from vnav.core import se3
 from vnav.tracking.motion import ConstantVelocity
@@ -51,6 +52,26 @@ def test_before_there_is_a_velocity_no_pose_is_likelier() -> None:
     motion.update(0, {})
     motion.predict(5.1)
     assert motion.log_prior(STEP) == 0
+
+
+def test_after_a_step_that_may_be_mistaken_another_pose_is_as_likely_as_that() -> None:
+    """What repeats every 8 cm goes on by a period more, where the step was one more."""
+    motion = ConstantVelocity()
+    for row, stamp_s in enumerate((5.0, 5.1)):
+        motion.predict(stamp_s)
+        motion.update(row, {0: STEP} if row else {}, probability=0.8)
+    motion.predict(5.2)
+    expected = motion.expected[0]
+    far = motion.log_prior(expected @ se3.exp([0, 0, 0, 5.0, 0, 0]))
+    assert motion.log_prior(expected) == 0
+    assert far == pytest.approx(np.log(0.2 / 0.8), abs=0.02)
+
+
+def test_a_step_that_is_likely_mistaken_tells_nothing_of_the_next() -> None:
+    motion = after_two_frames()
+    motion.update(2, {1: STEP}, probability=0.3)
+    motion.predict(5.3)
+    assert motion.log_prior(motion.expected[0] @ se3.exp([0, 0, 0, 0.5, 0, 0])) == 0
 
 
 def test_after_a_gap_a_longer_step_is_predicted() -> None:

@@ -15,6 +15,7 @@ from vnav.synthetic import MINIATURE, SCENES, CaptureSpec
 from vnav.synthetic.path import frames_at
 from vnav.synthetic.rendered_capture import camera_poses
 from vnav.synthetic.sensor import measured_color, measured_depth
+from vnav.tracking.pose_choice import UNSURE
 
 STEP_M, UNEVEN = 0.07, 0.43  # 4 to 10 cm a frame
 RATE_HZ = 10.0
@@ -59,3 +60,14 @@ def test_every_frame_is_tracked_and_no_edge_is_off(
         off = se3.inverse(T_true) @ edge.T_i_j
         assert np.linalg.norm(off[:3, 3]) < 0.03, (edge.i, edge.j)
         assert np.rad2deg(se3.rotation_angle(off)) < 1, (edge.i, edge.j)
+
+
+@pytest.mark.parametrize("seed", [5, 6])
+def test_where_nothing_is_unique_a_motion_does_not_become_sure_by_going_on(
+    seed: int, tmp_path: Path
+) -> None:
+    """Every step looks like one of a period more or less: which it was, no later step tells."""
+    capture, _ = stretch("library_bare", seed, range(12))
+    edges = track(capture, Config(), tmp_path).edges
+    likely = {j: max(e.probability for e in edges if e.j == j) for j in {e.j for e in edges}}
+    assert np.median(list(likely.values())) < UNSURE, likely

@@ -1,7 +1,7 @@
 """The constant-velocity motion model: where the next frame will be if the motion goes on.
 
 A hand or a robot changes its velocity little from frame to frame. What is far from the predicted
-pose is less likely, but not by much: somebody may stumble.
+pose is less likely, but not by much: somebody may stumble, and the last step may be mistaken.
 """
 
 from collections.abc import Mapping
@@ -24,6 +24,7 @@ class ConstantVelocity:
         self._last = -1
         self._last_s = self._next_s = 0.0
         self._step, self._step_s = np.eye(4), 0.0
+        self._probability = 1.0  # of the step
         self._T_last_next = np.eye(4)
 
     def predict(self, stamp_s: float) -> None:
@@ -37,10 +38,11 @@ class ConstantVelocity:
         """Take a measured motion to the next frame for the predicted one, until `update`."""
         self._T_last_next = T_last_next
 
-    def update(self, row: int, T_target_camera: dict[int, Array]) -> None:
+    def update(self, row: int, T_target_camera: dict[int, Array], probability: float = 1.0) -> None:
         """Add the next frame by its motions from earlier ones, by their rows, the best first.
 
-        Without one from a frame of this track, a new track begins.
+        ``probability``: that they are the camera's. Without one from a frame of this track, a new
+        track begins.
         """
         known = [(i, T) for i, T in T_target_camera.items() if i in self._T_start_camera]
         if not known:
@@ -51,6 +53,7 @@ class ConstantVelocity:
         previous = self._T_start_camera.get(self._last)
         self._step = np.eye(4) if previous is None else se3.inverse(previous) @ pose
         self._step_s = 0.0 if previous is None else self._next_s - self._last_s
+        self._probability = probability
         self._T_start_camera[row] = pose
         self._last, self._last_s = row, self._next_s
 
@@ -68,14 +71,17 @@ class ConstantVelocity:
     def log_prior(self, T_start_next: Array) -> float:
         """How likely the next frame is there, as a log-density: 0 where the motion goes on.
 
-        Cauchy's, whose tails are heavy. It is 0 anywhere before there is a velocity.
+        Cauchy's, whose tails are heavy. It is 0 anywhere before there is a velocity. Another pose is
+        as likely as the last step was mistaken: what repeats goes on as another motion would.
         """
         if self._step_s <= 0:
             return 0.0
         gap_s = self._next_s - self._last_s
         off = se3.deviation(se3.inverse(self.expected[0]) @ T_start_next)
         usual = np.array(ACCELERATIONS) * gap_s * (gap_s + self._step_s) / 2 + STEP_SIGMAS
-        return -float(np.log1p((np.linalg.norm(off.reshape(2, 3), axis=1) / usual) ** 2).sum())
+        goes_on = 1 / float(np.prod(1 + (np.linalg.norm(off.reshape(2, 3), axis=1) / usual) ** 2))
+        p = max(self._probability, 0.5)
+        return float(np.log(goes_on + (1 - goes_on) * (1 - p) / p))
 
     @property
     def twist(self) -> Array:

@@ -38,7 +38,9 @@ class SecondTracker:
         changed = self._changed & {seen.row, *(e.i for e in edges)}
         choice = self._features.track_nearest(seen.static) if changed else ChosenMotions()
         motions = {i: e.T_a_b for i, e in choice.estimates.items()}
-        self._motion.update(seen.row, motions or {e.i: e.T_i_j for e in edges})
+        found = motions or {e.i: e.T_i_j for e in edges}
+        likely = [e.probability for e in choice.estimates.values() or edges]
+        self._motion.update(seen.row, found, max(likely, default=1.0))
         if seen.static.features.has_depth.sum() >= self._min_features:
             self._features.remember(seen.static, seen.is_keyframe)
         self._row = seen.row

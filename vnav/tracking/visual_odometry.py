@@ -182,7 +182,8 @@ class VisualOdometry:
         degenerate = [] if constrained else _edges(row, dense)
         self._edges[row] = edges
         self._degenerate_edges += degenerate
-        self._motion.update(row, {e.i: e.T_i_j for e in edges or degenerate})
+        found = {e.i: e.T_i_j for e in edges or degenerate}
+        self._motion.update(row, found, choice.probability)
         if not (edges or degenerate):
             self._reasons[row] = "no frame before it matches"
         return not edges and bool(degenerate)
