@@ -71,8 +71,8 @@ class ConstantVelocity:
     def log_prior(self, T_start_next: Array) -> float:
         """How likely the next frame is there, as a log-density: 0 where the motion goes on.
 
-        Cauchy's, whose tails are heavy. It is 0 anywhere before there is a velocity. Another pose is
-        as likely as the last step was mistaken: what repeats goes on as another motion would.
+        Cauchy's, whose tails are heavy. It is 0 anywhere before there is a velocity. Another pose
+        is as likely as the last step was mistaken: what repeats goes on as another motion would.
         """
         if self._step_s <= 0:
             return 0.0
