@@ -54,5 +54,6 @@ def check(
     for problem in problems:
         say(f"FATAL    {problem}")
     if not problems:
-        click.echo("fit to be mapped")
+        warned = ", but for what is warned of" if report.warnings else ""
+        click.echo(f"fit to be mapped{warned}")
     return int(bool(problems))

@@ -37,6 +37,17 @@ def test_only_what_a_setting_touches_is_done_again(folder: MapFolder, capture: C
     assert redone(folder, capture, config) == ["fuse", "index"]  # which reads the octree
 
 
+def test_a_page_about_the_map_before_does_not_outlast_it(
+    folder: MapFolder, capture: Capture
+) -> None:
+    folder.page.write_text("as it was")
+    build_map(folder, capture, CONFIG)
+    assert folder.page.exists()  # nothing has changed
+    config = dataclasses.replace(CONFIG, fuse=dataclasses.replace(CONFIG.fuse, voxel_m=0.05))
+    build_map(folder, capture, config)
+    assert not folder.page.exists()
+
+
 def test_a_stage_that_is_gone_is_done_again_and_with_the_same_result_no_other(
     folder: MapFolder, capture: Capture
 ) -> None:

@@ -22,7 +22,7 @@ from vnav.io.store.artifacts import (
 from vnav.io.store.map_folder import MapFolder
 from vnav.io.store.overview import has_verdict, overview
 from vnav.pipeline.build import judged
-from vnav.pipeline.quality import assess
+from vnav.pipeline.quality import agreement, assess
 from vnav.stages import optimise
 
 Altering = Callable[[MapFolder, str], AbstractContextManager[Path]]
@@ -38,8 +38,20 @@ def folder(whole_map: Path, tmp_path: Path) -> MapFolder:
 def test_a_map_that_agrees_with_itself_is_good(folder: MapFolder) -> None:
     quality = assess(folder, CONFIG)
     assert quality.doubts == ()
-    assert quality.line.startswith("good")
-    assert quality.values["revisits"] > 5  # the walk ends where it began
+    revisits, loops = quality.values["revisits"], quality.values["loops"]
+    assert quality.line.startswith(f"good: no fault in {revisits} revisits, {loops} loops, ")
+    assert revisits > 5  # the walk ends where it began
+
+
+def test_a_verdict_names_only_what_was_there_to_be_counted(folder: MapFolder) -> None:
+    odometry = load_odometry(folder)
+    steps, motions = len(odometry.keyframes) - 1, len(odometry.frames) - 1
+    assert agreement(0, 0, odometry) == (
+        f"no fault in {steps} steps, {motions} motions;"
+        " no place was seen twice, so drift was not checked"
+    )
+    alone = dataclasses.replace(odometry, keyframes=odometry.keyframes[:1], edges=())
+    assert agreement(0, 0, alone).startswith("no fault in a single frame; no place")
 
 
 def slipped(folder: MapFolder, altering: Altering) -> None:

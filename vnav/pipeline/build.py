@@ -180,9 +180,10 @@ def _require_different(entries: Sequence[MappedCapture]) -> None:
 
 
 def judged(folder: MapFolder, config: Config) -> Report:
-    """The verdict on a finished map."""
+    """The verdict on a finished map; a page about the map before does not outlast it."""
     started = clock()
     quality = assess(folder, config)
+    folder.page.unlink(missing_ok=True)
     values = quality.values | {"inputs": folder.inputs_of("optimise")}
     return finished(folder, Report("quality", values, (quality.line,), quality.doubts), started)
 

@@ -58,7 +58,7 @@ class Quality:
         """The verdict for a person."""
         if self.doubts:
             return f"doubtful, for {len(self.doubts)} of 5 reasons"
-        return "good: revisits, loops, steps, motions and cameras agree"
+        return f"good: {self.values['agreement']}"
 
 
 def assess(folder: MapFolder, config: Config) -> Quality:
@@ -90,6 +90,7 @@ def assess(folder: MapFolder, config: Config) -> Quality:
     values = {
         "verdict": "doubtful" if doubts else "good",
         "doubts": list(doubts),
+        "agreement": "" if doubts else agreement(len(revisits.pairs), loops, odometry),
         "revisits": len(revisits.pairs),
         "revisits_disagreeing": len(revisits.disagreeing),
         "loops": loops,
@@ -100,6 +101,15 @@ def assess(folder: MapFolder, config: Config) -> Quality:
         "cameras_wrong": len(wrong),
     }
     return Quality(doubts, values)
+
+
+def agreement(revisits: int, loops: int, odometry: Odometry) -> str:
+    """What was there to disagree, and did not."""
+    steps, motions = max(0, len(odometry.keyframes) - 1), len(best_into(odometry.edges))
+    counts = {"revisit": revisits, "loop": loops, "step": steps, "motion": motions}
+    told = [f"{n} {what}{'s' * (n > 1)}" for what, n in counts.items() if n]
+    drift = "" if revisits or loops else "; no place was seen twice, so drift was not checked"
+    return f"no fault in {', '.join(told) or 'a single frame'}{drift}"
 
 
 def unsure_rows(odometry: Odometry) -> NDArray[np.intp]:

@@ -33,7 +33,7 @@ def write(folder: MapFolder) -> Path:
 
     Missing stages are named as such. MapError where the map cannot be written.
     """
-    path = folder.root / "reports" / "report.html"
+    path = folder.page
     is_fused = folder.has("fuse")
     try:
         path.parent.mkdir(exist_ok=True)
@@ -80,7 +80,7 @@ def _map_verdict(values: dict[str, Any]) -> str:
         return html.verdict("doubtful", "No verdict", ["The map is not finished."])
     if quality["doubts"]:
         return html.verdict("doubtful", "Doubtful map", quality["doubts"])
-    return html.verdict("good", "Good map", ["Revisits, loops, steps, motions and cameras agree."])
+    return html.verdict("good", "Good map", [quality.get("agreement", "")])
 
 
 def _tiles(values: dict[str, Any]) -> str:

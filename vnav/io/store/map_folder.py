@@ -273,6 +273,11 @@ class MapFolder:
         (self.root / "reports").mkdir(exist_ok=True)
         _write_json(self.root / "reports" / f"{stage}.json", report)
 
+    @property
+    def page(self) -> Path:
+        """What `vnav report` writes; it may not be there."""
+        return self.root / "reports" / "report.html"
+
     def report(self, stage: str) -> dict[str, Any]:
         """A stage's last report, empty where there is none."""
         found = _intact(self.root / "reports" / f"{stage}.json")
