@@ -4,13 +4,14 @@
 
 asks the map for the capture's photos as they are and spoilt in each way of WAYS, and prints a
 table. Right: within 5 cm and 2 degrees; wrong: over 30 cm or 10 degrees. Exit code 1 where one is
-wrong. The camera of a photo that is rotated, cropped or scaled is changed with it.
+wrong. The camera of a photo that is rotated, cropped or scaled is changed with it, or not told.
 """
 
 import argparse
 import sys
 import tempfile
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import cv2
@@ -23,6 +24,7 @@ from vnav.config import Config
 from vnav.core import se3
 from vnav.core.camera import Intrinsics
 from vnav.io.formats.camera_file import read_color
+from vnav.io.photos.photo_files import AUTO
 from vnav.io.store.map_folder import MapFolder
 from vnav.localisation.verdict.answer import PhotoAnswer
 from vnav.stages.locate import Locator, locate
@@ -65,6 +67,15 @@ def _cropped(image: Image, k: Intrinsics) -> Spoilt:
     return image[top : top + height, left : left + width].copy(), camera, np.eye(3)
 
 
+def _cropped_aside(image: Image, k: Intrinsics) -> Spoilt:
+    """A part of six to nine tenths of the width and of the height, drawn by the image's sum."""
+    rng = np.random.default_rng(int(image.sum()))
+    width, height = (int(n * rng.uniform(0.6, 0.9)) for n in k.size)
+    left, top = rng.integers(0, [k.width - width + 1, k.height - height + 1]).tolist()
+    camera = Intrinsics(width, height, k.fx, k.fy, k.cx - left, k.cy - top)
+    return image[top : top + height, left : left + width].copy(), camera, np.eye(3)
+
+
 def _small(image: Image, k: Intrinsics) -> Spoilt:
     size = 320, round(320 * k.height / k.width)
     small = np.asarray(cv2.resize(image, size, interpolation=cv2.INTER_AREA), np.uint8)
@@ -80,6 +91,8 @@ WAYS: dict[str, Callable[[Image, Intrinsics], Spoilt]] = {
     "scaled to 320 px": _small,
     "a third covered": _same(_covered),
     "JPEG quality 15": _same(_jpeg),
+    "camera unknown": _same(lambda image: image),
+    "cropped off the centre, camera unknown": _cropped_aside,
 }
 
 
@@ -148,7 +161,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         with tempfile.TemporaryDirectory() as out:
             R_old_new = spoil(photos, k, way, Path(out))
             files = sorted(Path(out).glob("*.png"))
-            off = errors(locate(locator, files), truth, R_old_new)  # type: ignore[arg-type]
+            asked = replace(locator, camera=AUTO if way.endswith("camera unknown") else None)
+            off = errors(locate(asked, files), truth, R_old_new)  # type: ignore[arg-type]
         off = off[np.isfinite(off[:, 0])]
         found += measured(options.capture.name, way, len(photos), off)
         print(f"{way}: {len(off)} of {len(photos)} located", flush=True)

@@ -9,6 +9,7 @@ import numpy as np
 from vnav.config import Config
 from vnav.core import se3
 from vnav.core.arrays import Array, Floats
+from vnav.core.camera import CameraPrior
 from vnav.core.frame import Features
 from vnav.core.mapping import FrameFeatures
 from vnav.features.matching import match
@@ -17,7 +18,6 @@ from vnav.io.store.map_folder import MapFolder
 from vnav.localisation.hypotheses.ransac import RansacOptions, estimate_absolute_pose
 from vnav.localisation.matches import Correspondences2D3D
 from vnav.localisation.verdict.answer import PhotoAnswer
-from vnav.localisation.view import CameraPrior
 
 RATIO, BEST_KEYFRAMES = 0.8, 12
 

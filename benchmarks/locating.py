@@ -38,6 +38,7 @@ from recording import Measurement, add_record_option, missed, record, table  # n
 
 from vnav.config import Config  # noqa: E402
 from vnav.core import se3  # noqa: E402
+from vnav.core.camera import CameraPrior  # noqa: E402
 from vnav.features import sift  # noqa: E402
 from vnav.io.store.index_file import load_index  # noqa: E402
 from vnav.io.store.tree_file import load_tree  # noqa: E402
@@ -49,7 +50,6 @@ from vnav.localisation.hypotheses.ransac import (  # noqa: E402
 )
 from vnav.localisation.matches import Correspondences2D3D  # noqa: E402
 from vnav.localisation.verdict.answer import PhotoAnswer  # noqa: E402
-from vnav.localisation.view import CameraPrior  # noqa: E402
 from vnav.memory import keep_freed  # noqa: E402
 from vnav.stages import locate  # noqa: E402
 from vnav.stages.locate import Locator  # noqa: E402

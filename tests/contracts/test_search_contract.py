@@ -9,6 +9,7 @@ import pytest
 from vnav.config import SETTINGS, Config, LocateConfig, load
 from vnav.config.registries import SEARCHES, registered
 from vnav.core import se3
+from vnav.core.camera import CameraPrior
 from vnav.errors import ConfigError
 from vnav.io.formats.trajectories import read_photo_poses, read_tum
 from vnav.io.store.artifacts import load_optimised
@@ -104,5 +105,5 @@ def test_the_same_photo_has_the_same_matches(name: str, asked: Query) -> None:
 @pytest.mark.parametrize("few", [0, 1])
 def test_hardly_any_features_have_no_candidates(name: str, asked: Query, few: int) -> None:
     features, tree = asked.photo.features[np.arange(few)], asked.database.tree
-    photo = prepare(features, asked.photo.intrinsics, 0.0, tree)
+    photo = prepare(features, CameraPrior(asked.photo.intrinsics), tree)
     assert search(by(name, dataclasses.replace(asked, photo=photo))).candidates == ()

@@ -6,7 +6,9 @@ import pytest
 from vnav.config import LocateConfig
 from vnav.config.registries import SEARCHES
 from vnav.core import se3
+from vnav.core.camera import CameraPrior, Intrinsics
 from vnav.features.sift import SPACE
+from vnav.io.photos.photo_files import CENTRE_SIGMA, DISTORTION_SIGMA
 from vnav.localisation import localise as rooms
 from vnav.localisation.localise import localise
 from vnav.localisation.photo import prepare
@@ -19,8 +21,8 @@ CONFIG = LocateConfig()
 POSE = (0.4, -0.3, 1.5), 40.0
 
 
-def asked(world, features, *, config=CONFIG, camera=None, focal_sigma=0.0, seed=0, prior=None):
-    photo = prepare(features, camera or world.camera, focal_sigma, world.database.tree)
+def asked(world, features, *, config=CONFIG, camera=None, seed=0, prior=None):
+    photo = prepare(features, camera or CameraPrior(world.camera), world.database.tree)
     query = Query(photo, world.database, config)
     return localise(query, np.random.default_rng(seed), prior), query
 
@@ -77,12 +79,39 @@ def test_an_unknown_focal_length_is_found_with_its_uncertainty(world):
     camera = dataclasses.replace(world.camera, fx=640.0, fy=640.0)
     T_true = world.looking(*POSE)
     features, _ = world.seen(T_true, world.things, np.random.default_rng(7), camera=camera)
-    result, _ = asked(world, features, focal_sigma=np.inf)  # 525 is the guess
+    result, _ = asked(world, features, camera=CameraPrior(world.camera, np.inf))  # 525 is the guess
     assert isinstance(result, Located)
     found, sigma = result.best.view.intrinsics.fx, sigmas(result.best, world.database.index).focal
     assert abs(found / 640 - 1) < 4 * sigma
     assert 0 < sigma < 0.01
     assert errors(result, T_true)[0] < 0.05
+
+
+UNKNOWN = CameraPrior(
+    Intrinsics(640, 480, 525.0, 525.0, 319.5, 239.5), np.inf, CENTRE_SIGMA, DISTORTION_SIGMA
+)
+
+
+@pytest.mark.parametrize("left_px", [0.0, 120.0, 250.0])
+def test_a_cropped_photo_is_found_though_its_camera_is_unknown(world, left_px):
+    """Cut off at the left: 525 px and the middle of the image are where search starts."""
+    camera = dataclasses.replace(world.camera, fx=640.0, fy=640.0, cx=world.camera.cx - left_px)
+    T_true = world.looking(*POSE)
+    features, _ = world.seen(T_true, world.things, np.random.default_rng(7), camera=camera)
+    result, _ = asked(world, features, camera=UNKNOWN)
+    assert isinstance(result, Located)
+    sigma = sigmas(result.best, world.database.index)
+    off_m, off_rad = errors(result, T_true)
+    assert off_m < min(0.05, 4 * np.linalg.norm(sigma.position_m))
+    assert off_rad < 4 * np.linalg.norm(sigma.rotation_rad)
+    assert abs(result.best.view.intrinsics.cx - camera.cx) < 10
+
+
+def test_a_camera_that_is_not_known_leaves_a_pose_less_certain(world, photo_features):
+    _, features = photo_features
+    known, roughly = (asked(world, features, camera=c)[0] for c in (None, UNKNOWN))
+    of_known, of_roughly = (sigmas(r.best, world.database.index) for r in (known, roughly))
+    assert (of_roughly.position_m > 2 * of_known.position_m).all()
 
 
 def test_a_wrong_focal_length_is_noticed(world):
@@ -238,7 +267,7 @@ def test_an_empty_map_locates_nothing(world, photo_features):
     rng = np.random.default_rng(0)
     index = build(landmarks, none > 0, [], tree, nothing, IndexConfig(), rng)
     database = LandmarkDatabase(index, tree)
-    photo = prepare(photo_features[1], world.camera, 0.0, tree)
+    photo = prepare(photo_features[1], CameraPrior(world.camera), tree)
     result = localise(Query(photo, database, CONFIG), np.random.default_rng(0))
     assert isinstance(result, NotLocated)
     assert result.reason == "too few matches"

@@ -3,6 +3,7 @@ import dataclasses
 import cv2
 import numpy as np
 
+from vnav.core.camera import CameraPrior
 from vnav.localisation.photo import prepare
 
 
@@ -12,7 +13,7 @@ def features_of(world, seed=0):
 
 
 def test_each_node_knows_its_features(world):
-    photo = prepare(features_of(world), world.camera, 0.0, world.database.tree)
+    photo = prepare(features_of(world), CameraPrior(world.camera), world.database.tree)
     for row, path in enumerate(photo.paths):
         for node in path:
             first, last = photo.span[node]
@@ -25,8 +26,8 @@ def test_distortion_is_taken_out(world):
     points = world.camera.unproject(features.keypoints_px, np.ones(len(features)))
     px, _ = cv2.projectPoints(points, np.zeros(3), np.zeros(3), bent.K, np.array(bent.distortion))
     distorted = dataclasses.replace(features, keypoints_px=px[:, 0])
-    photo = prepare(distorted, bent, 0.0, world.database.tree)
-    straight = prepare(features, world.camera, 0.0, world.database.tree)
+    photo = prepare(distorted, CameraPrior(bent), world.database.tree)
+    straight = prepare(features, CameraPrior(world.camera), world.database.tree)
     assert photo.intrinsics.distortion == ()
     # OpenCV undistorts by iteration; a tenth of a pixel is far below a keypoint's noise.
     np.testing.assert_allclose(
@@ -35,5 +36,7 @@ def test_distortion_is_taken_out(world):
 
 
 def test_no_features_are_legal(world):
-    photo = prepare(features_of(world)[np.arange(0)], world.camera, 0.0, world.database.tree)
+    photo = prepare(
+        features_of(world)[np.arange(0)], CameraPrior(world.camera), world.database.tree
+    )
     assert len(photo.buckets(5.0).order) == 0

@@ -102,7 +102,8 @@ def test_all_places_of_an_ambiguous_photo_are_told(locator: Locator, photos: lis
     answer = locator.locate(photos[0])
     best = answer.best
     assert best is not None
-    moved = dataclasses.replace(best, view=best.view.moved(np.array([0, 0, 0, 1.0, 0, 0])))
+    view = best.view.moved(np.array([0, 0, 0, 1.0, 0, 0]))
+    moved = dataclasses.replace(best, refined=dataclasses.replace(best.refined, view=view))
     result = NotLocated("ambiguous", 10, 9, (best, moved), (0.6, 0.4))
     unsure = dataclasses.replace(answer, result=result, reason="ambiguous")
     for place in (best, moved):

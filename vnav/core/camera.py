@@ -1,6 +1,6 @@
 """The pinhole model: pixel centres at integer coordinates, x right, y down, z forward."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -104,12 +104,37 @@ def registered_camera(
 
 
 @dataclass(frozen=True)
-class PhotoCamera:
-    """The intrinsics to start from, where they come from, and how well the focal length is known.
+class CameraPrior:
+    """What is known of a camera: its intrinsics, and how well.
 
-    ``focal_sigma``: its relative standard deviation; 0 exact, inf not known at all.
+    Standard deviations, 0: exact. ``focal_sigma``: relative, of the focal length, inf: not known at
+    all. ``centre_sigma``: of the principal point, over the longer side of the image, inf: it may be
+    anywhere, as in a cropped image. ``distortion_sigma``: of the first radial coefficient.
     """
 
     intrinsics: Intrinsics
+    focal_sigma: float = 0.0
+    centre_sigma: float = 0.0
+    distortion_sigma: float = 0.0
+
+    @property
+    def is_exact(self) -> bool:
+        """Whether nothing of the camera is left open."""
+        return not (self.focal_sigma or self.centre_sigma or self.distortion_sigma)
+
+    def scaled(self, width: int, height: int) -> "CameraPrior":
+        """What is known of it where its images are resized to another size."""
+        return replace(self, intrinsics=self.intrinsics.scaled(width, height))
+
+
+@dataclass(frozen=True)
+class PhotoCamera:
+    """What is known of a photo's camera, and where that comes from."""
+
+    prior: CameraPrior
     source: str
-    focal_sigma: float
+
+    @property
+    def intrinsics(self) -> Intrinsics:
+        """Those to start from."""
+        return self.prior.intrinsics

@@ -9,13 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vnav.core.arrays import Array, Rows
-from vnav.core.camera import Intrinsics
+from vnav.core.camera import CameraPrior, Intrinsics
 from vnav.core.frame import Features
 from vnav.core.map_index import spans_of
 from vnav.core.tree import VocabularyTree
 from vnav.errors import MapError
 from vnav.localisation.inverted_file import InvertedFile
-from vnav.localisation.view import CameraPrior
 
 SAME_KEYPOINT_PX = 2.0  # a keypoint's second orientation lies nearer than this
 
@@ -89,9 +88,7 @@ class Buckets:
         return cls(columns, start, order)
 
 
-def prepare(
-    features: Features, intrinsics: Intrinsics, focal_sigma: float, tree: VocabularyTree
-) -> Photo:
+def prepare(features: Features, camera: CameraPrior, tree: VocabularyTree) -> Photo:
     """Undistort, quantise and sort a photo's features (claim 4, 2.2).
 
     MapError where the map has features of another front-end.
@@ -101,20 +98,18 @@ def prepare(
             f"expected the features of a photo to be those of the map, found {features.space};"
             f" those of the map are {tree.space}"
         )
-    features, intrinsics = _undistorted(features, intrinsics)
+    features, camera = _undistorted(features, camera)
     paths = tree.quantise(features.descriptors)
     order = np.lexsort(paths.T[::-1])
     paths = paths[order]
     span = spans_of(paths, len(tree.level))
-    return Photo(features[order], paths, span, CameraPrior(intrinsics, focal_sigma))
+    return Photo(features[order], paths, span, camera)
 
 
-def _undistorted(features: Features, intrinsics: Intrinsics) -> tuple[Features, Intrinsics]:
-    if not any(intrinsics.distortion) or not len(features):
-        return features, intrinsics
-    K = intrinsics.K
-    px = cv2.undistortPoints(
-        features.keypoints_px[:, None], K, np.array(intrinsics.distortion), P=K
-    )
-    straight = dataclasses.replace(intrinsics, distortion=())
+def _undistorted(features: Features, camera: CameraPrior) -> tuple[Features, CameraPrior]:
+    k = camera.intrinsics
+    if not any(k.distortion) or not len(features):
+        return features, camera
+    px = cv2.undistortPoints(features.keypoints_px[:, None], k.K, np.array(k.distortion), P=k.K)
+    straight = dataclasses.replace(camera, intrinsics=dataclasses.replace(k, distortion=()))
     return dataclasses.replace(features, keypoints_px=px[:, 0]), straight

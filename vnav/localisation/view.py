@@ -14,17 +14,6 @@ MIN_DEPTH_M = 1e-3
 
 
 @dataclass(frozen=True)
-class CameraPrior:
-    """What is known of a camera: its intrinsics, and how well its focal length is known.
-
-    ``focal_sigma``: relative standard deviation; 0: exact, inf: nothing is known.
-    """
-
-    intrinsics: Intrinsics
-    focal_sigma: float
-
-
-@dataclass(frozen=True)
 class View:
     """Where a camera stands and how it sees: ``T_camera_world`` (4, 4) and its intrinsics."""
 
@@ -54,9 +43,19 @@ class View:
         return np.where(depth > MIN_DEPTH_M, ((projected - px) ** 2).sum(1), np.inf)
 
     def moved(self, step: Array) -> "View":
-        """The view after ``T_world_camera @ exp(step[:6])`` and, with a seventh, f * exp(it)."""
+        """The view after ``T_world_camera @ exp(step[:6])``; more parameters change its camera.
+
+        The seventh is of the log focal length, the eighth and ninth of the principal point, over
+        the longer side of the image.
+        """
         T = se3.exp(-step[:6]) @ self.T_camera_world
         if len(step) == 6:
             return View(T, self.intrinsics)
         k, scale = self.intrinsics, float(np.exp(step[6]))
-        return View(T, dataclasses.replace(k, fx=k.fx * scale, fy=k.fy * scale))
+        right, down = max(k.size) * step[7:] if len(step) == 9 else (0.0, 0.0)
+        return View(
+            T,
+            dataclasses.replace(
+                k, fx=k.fx * scale, fy=k.fy * scale, cx=k.cx + right, cy=k.cy + down
+            ),
+        )

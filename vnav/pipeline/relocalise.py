@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from vnav.config import Config
 from vnav.core import se3
 from vnav.core.arrays import Array
-from vnav.core.camera import Intrinsics
+from vnav.core.camera import CameraPrior, Intrinsics
 from vnav.core.mapping import FrameFeatures, Odometry
 from vnav.core.progress import Progress, silent
 from vnav.features.appearance import tfidf_similarity
@@ -84,7 +84,7 @@ def relocalise(
     database = LandmarkDatabase(load_index(folder, tree), tree)
 
     def locate(keyframe: FrameFeatures) -> Located | NotLocated:
-        photo = prepare(keyframe.features, camera, 0.0, database.tree)
+        photo = prepare(keyframe.features, CameraPrior(camera), database.tree)
         query = Query(photo, database, config.locate)
         return localise(query, np.random.default_rng(config.seed))
 

@@ -5,6 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from vnav.config import Config
+from vnav.core.camera import CameraPrior
 from vnav.core.mapping import Odometry, OptimisedMap
 from vnav.core.progress import Progress, silent
 from vnav.core.report import Report
@@ -83,7 +84,9 @@ def _found_again(
     """
     mapped = [k for k in keyframes if np.isfinite(k.T_world_camera).all()]
     chosen = mapped[:: max(1, len(mapped) // ASKED)][:ASKED]
-    photos = [prepare(k.keyframe.features, k.intrinsics, 0.0, database.tree) for k in chosen]
+    photos = [
+        prepare(k.keyframe.features, CameraPrior(k.intrinsics), database.tree) for k in chosen
+    ]
     rng = np.random.default_rng(config.seed)
     answers = [localise(Query(photo, database, config.locate), rng) for photo in photos]
     return sum(isinstance(answer, Located) for answer in answers), len(chosen)

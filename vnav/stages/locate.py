@@ -115,8 +115,8 @@ class Locator:
         prior: PlacePrior | None,
     ) -> tuple[Query, Located | NotLocated]:
         """What is asked of a photo's features by a camera, and the answer."""
-        intrinsics = camera.intrinsics.scaled(image.shape[1], image.shape[0])
-        prepared = prepare(features, intrinsics, camera.focal_sigma, self.database.tree)
+        prior_of_camera = camera.prior.scaled(image.shape[1], image.shape[0])
+        prepared = prepare(features, prior_of_camera, self.database.tree)
         query = Query(prepared, self.database, self.config.locate)
         rng = np.random.default_rng(self.config.seed)
         return query, localise(query, rng, prior)

@@ -6,7 +6,14 @@ import pytest
 
 from vnav.core.camera import Intrinsics
 from vnav.errors import CameraError, PhotoError
-from vnav.io.photos.photo_files import EXIF_SIGMA, find_photos, photo_camera, read_photo
+from vnav.io.photos.photo_files import (
+    CENTRE_SIGMA,
+    DISTORTION_SIGMA,
+    EXIF_SIGMA,
+    find_photos,
+    photo_camera,
+    read_photo,
+)
 
 OF_MAP = Intrinsics(640, 480, 500.0, 501.0, 320.0, 240.0)
 CAMERA = "[color]\nwidth = 640\nheight = 480\nfx = 600\nfy = 600\ncx = 319.5\ncy = 239.5\n"
@@ -63,7 +70,7 @@ def test_the_named_camera_comes_first(photo: Path, tmp_path: Path) -> None:
     named = tmp_path / "named.toml"
     named.write_text(CAMERA.replace("600", "700"))
     camera = photo_camera(photo, (640, 480), named, OF_MAP)
-    assert (camera.intrinsics.fx, camera.source, camera.focal_sigma) == (700, "file", 0)
+    assert (camera.intrinsics.fx, camera.source, camera.prior.focal_sigma) == (700, "file", 0)
 
 
 def test_then_the_camera_beside_the_photo(photo: Path) -> None:
@@ -78,7 +85,7 @@ def test_then_exif(photo: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("vnav.io.photos.photo_files.read_exif", lambda path: Exif({0xA405: 43.267}))
     camera = photo_camera(photo, (640, 480), None, OF_MAP)
     assert camera.intrinsics.fx == pytest.approx(800)
-    assert (camera.source, camera.focal_sigma) == ("exif", EXIF_SIGMA)
+    assert (camera.source, camera.prior.focal_sigma) == ("exif", EXIF_SIGMA)
 
 
 def test_then_the_maps_camera_where_the_size_is_the_same(photo: Path) -> None:
@@ -88,8 +95,22 @@ def test_then_the_maps_camera_where_the_size_is_the_same(photo: Path) -> None:
 
 def test_else_the_focal_length_is_not_known(photo: Path) -> None:
     camera = photo_camera(photo, (1280, 960), None, OF_MAP)
-    assert (camera.source, camera.focal_sigma) == ("estimated", float("inf"))
+    assert (camera.source, camera.prior.focal_sigma) == ("estimated", float("inf"))
     assert (camera.intrinsics.cx, camera.intrinsics.cy) == (639.5, 479.5)
+
+
+@pytest.mark.parametrize("camera", ["auto", None])
+def test_what_is_not_told_of_a_camera_is_known_roughly(photo: Path, camera: str | None) -> None:
+    """Its image may have been cropped, and its lens may bend."""
+    found = photo_camera(photo, (1280, 960), camera, OF_MAP).prior
+    assert (found.centre_sigma, found.distortion_sigma) == (CENTRE_SIGMA, DISTORTION_SIGMA)
+
+
+def test_a_camera_that_is_named_is_exact(photo: Path, tmp_path: Path) -> None:
+    named = tmp_path / "named.toml"
+    named.write_text(CAMERA)
+    assert photo_camera(photo, (640, 480), named, OF_MAP).prior.is_exact
+    assert photo_camera(photo, (640, 480), None, OF_MAP).prior.is_exact
 
 
 def test_auto_overrides_the_camera_beside_the_photo(photo: Path) -> None:

@@ -3,6 +3,7 @@ import pytest
 
 from vnav.config import LocateConfig
 from vnav.core import se3
+from vnav.core.camera import CameraPrior
 from vnav.localisation.hypotheses.hypothesise import hypothesise
 from vnav.localisation.hypotheses.ransac import PoseHypothesis
 from vnav.localisation.photo import prepare
@@ -15,7 +16,7 @@ POSITION = (0.4, -0.3, 1.5)
 
 def query_of(world) -> Query:
     features, _ = world.seen(world.looking(POSITION, 40.0), world.things, np.random.default_rng(5))
-    photo = prepare(features, world.camera, 0.0, world.database.tree)
+    photo = prepare(features, CameraPrior(world.camera), world.database.tree)
     return Query(photo, world.database, LocateConfig())
 
 

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from vnav.core import se3
-from vnav.core.camera import Intrinsics
+from vnav.core.camera import CameraPrior, Intrinsics
 from vnav.localisation.hypotheses.pose_refinement import refine_pose
 from vnav.localisation.matches import Correspondences2D3D
-from vnav.localisation.view import CameraPrior, View
+from vnav.localisation.view import View
 
 CAMERA = Intrinsics(640, 480, 525.0, 525.0, 319.5, 239.5)
 EXACT, UNKNOWN = CameraPrior(CAMERA, 0.0), CameraPrior(CAMERA, np.inf)
@@ -86,6 +86,40 @@ def test_a_prior_holds_a_focal_length_that_the_points_leave_open(true):
     found = refine_pose(View(np.eye(4), CAMERA), matched, CameraPrior(CAMERA, 0.02))
     assert abs(np.log(found.view.intrinsics.fx / 525)) < 4 * 0.02
     assert np.sqrt(found.covariance[6, 6]) < 0.021
+
+
+def test_a_principal_point_that_may_be_anywhere_is_found(true):
+    """A photo cut out of a larger one: its centre was at (100, 350)."""
+    cropped = dataclasses.replace(true, intrinsics=dataclasses.replace(CAMERA, cx=100.0, cy=350.0))
+    matched = correspondences(cropped, np.random.default_rng(6))
+    anywhere = CameraPrior(CAMERA, np.inf, np.inf)
+    found = refine_pose(View(true.T_camera_world, CAMERA), matched, anywhere)
+    k, sigma = found.view.intrinsics, np.sqrt(np.diag(found.covariance))
+    assert np.abs(off(found.view, cropped)).max() < 4 * sigma[:6].max()
+    assert abs(k.cx - 100) < 4 * 640 * sigma[7]
+    assert abs(k.cy - 350) < 4 * 640 * sigma[8]
+    assert 640 * sigma[7:].max() < 20  # by 200 points of 1 px, a twentieth of the offset
+
+
+@pytest.mark.parametrize("what", ["centre", "distortion"])
+def test_what_the_camera_may_be_off_by_widens_the_covariance(true, what):
+    """200 cameras, each a little off in what is not sought: as in the test of the scatter."""
+    rng = np.random.default_rng(7)
+    points = correspondences(true, rng, count=100).points_world
+    x, y, z = (points @ true.T_camera_world[:3, :3].T + true.T_camera_world[:3, 3]).T
+    rays = np.column_stack([x / z, y / z])
+    px, _ = true.project(points)
+    prior = CameraPrior(CAMERA, 0.0, **{f"{what}_sigma": 0.005})
+    bend = 525 * rays * (rays**2).sum(1, keepdims=True)
+    results = []
+    for _ in range(200):
+        wrong = {"centre": 640 * rng.normal(0, 0.005, 2), "distortion": bend * rng.normal(0, 0.005)}
+        seen = px + wrong[what] + rng.normal(0, 1, px.shape)
+        matched = Correspondences2D3D(points, seen, np.ones(100))
+        results.append(refine_pose(true, matched, prior))
+    scatter = np.std([off(r.view, true) for r in results], axis=0)
+    estimated = np.sqrt(np.mean([np.diag(r.covariance) for r in results], axis=0))
+    np.testing.assert_allclose(estimated, scatter, rtol=0.25)
 
 
 def test_the_step_moves_the_view_as_its_tangent_says(true):

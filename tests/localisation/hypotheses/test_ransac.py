@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from vnav.core import se3
-from vnav.core.camera import Intrinsics
+from vnav.core.camera import CameraPrior, Intrinsics
 from vnav.localisation.hypotheses.ransac import RansacOptions, estimate_absolute_pose
 from vnav.localisation.matches import Correspondences2D3D
-from vnav.localisation.view import CameraPrior, View
+from vnav.localisation.view import View
 
 CAMERA = Intrinsics(640, 480, 525.0, 525.0, 319.5, 239.5)
 OPTIONS = RansacOptions(threshold_px=4.0, min_inliers=8, max_iterations=1000, solver="auto")

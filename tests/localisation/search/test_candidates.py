@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from vnav.config import LocateConfig
+from vnav.core.camera import CameraPrior
 from vnav.localisation.photo import prepare
 from vnav.localisation.query import MIN_MATCHES, Query
 from vnav.localisation.search.candidates import search, search_repeated
@@ -13,7 +14,7 @@ from vnav.localisation.search.matches_3d_2d import match_3d_2d
 def query_of(world, position=(0.4, -0.3, 1.5), seed=5) -> Query:
     T = world.looking(position, 40.0)
     features, _ = world.seen(T, world.things, np.random.default_rng(seed))
-    photo = prepare(features, world.camera, 0.0, world.database.tree)
+    photo = prepare(features, CameraPrior(world.camera), world.database.tree)
     return Query(photo, world.database, LocateConfig())
 
 

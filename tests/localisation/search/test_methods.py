@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from vnav.config import LocateConfig
+from vnav.core.camera import CameraPrior
 from vnav.localisation.photo import prepare
 from vnav.localisation.query import Query
 from vnav.localisation.search.matches_2d_3d import match_2d_3d
@@ -15,7 +16,7 @@ from vnav.localisation.search.methods import search_method
 def query(world) -> Query:
     T = world.looking((0.4, -0.3, 1.5), 40.0)
     features, _ = world.seen(T, world.things, np.random.default_rng(5))
-    photo = prepare(features, world.camera, 0.0, world.database.tree)
+    photo = prepare(features, CameraPrior(world.camera), world.database.tree)
     return Query(photo, world.database, LocateConfig())
 
 

@@ -5,6 +5,8 @@ import pytest
 
 from vnav.config import LocateConfig
 from vnav.core import se3
+from vnav.core.camera import CameraPrior
+from vnav.localisation.hypotheses.pose_refinement import RefinedPose
 from vnav.localisation.matches import Matches, no_matches
 from vnav.localisation.photo import prepare
 from vnav.localisation.prior import PlacePrior
@@ -20,7 +22,7 @@ SEARCHED = SearchResult(no_matches(), 50, ())
 @pytest.fixture
 def query(world) -> Query:
     features, _ = world.seen(world.looking((0, 0, 1.4), 0), world.things, np.random.default_rng(0))
-    photo = prepare(features, world.camera, 0.0, world.database.tree)
+    photo = prepare(features, CameraPrior(world.camera), world.database.tree)
     return Query(photo, world.database, LocateConfig())
 
 
@@ -43,7 +45,7 @@ def pose_at(query, x, found) -> VerifiedPose:
     T_world_camera = se3.make(np.eye(3), (x, 0.0, 1.4))
     cells = np.stack([np.full(48, found), np.full(48, 20)])
     view = View(se3.inverse(T_world_camera), query.photo.intrinsics)
-    return VerifiedPose(view, 1e-6 * np.eye(6), matches, cells)
+    return VerifiedPose(RefinedPose(view, 1e-6 * np.eye(6)), matches, cells)
 
 
 def test_a_pose_that_the_map_bears_out_is_given(query):

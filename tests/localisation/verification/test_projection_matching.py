@@ -3,6 +3,7 @@ import dataclasses
 import numpy as np
 
 from vnav.core import se3
+from vnav.core.camera import CameraPrior
 from vnav.localisation.photo import prepare
 from vnav.localisation.verification.prediction import predict
 from vnav.localisation.verification.projection_matching import (
@@ -21,7 +22,7 @@ def view_of(world, position=(0.2, 0.1, 1.4), heading_deg=20.0):
 def test_matches_are_near_and_few_are_missed(world):
     view = view_of(world)
     features, which = world.seen(view.T_world_camera, world.things, np.random.default_rng(0))
-    photo = prepare(features, world.camera, 0.0, world.database.tree)
+    photo = prepare(features, CameraPrior(world.camera), world.database.tree)
     prediction = predict(view, world.database)
     found = match_by_projection(prediction, photo, world.database, 6.0)
     offset_px = photo.features.keypoints_px[found.feature] - prediction.px[found.predicted]
@@ -35,7 +36,7 @@ def test_matches_are_all_that_agree(world):
     """Each pair of prediction and feature held against the definition."""
     view = view_of(world)
     features, _ = world.seen(view.T_world_camera, world.things, np.random.default_rng(1))
-    photo = prepare(features, world.camera, 0.0, world.database.tree)
+    photo = prepare(features, CameraPrior(world.camera), world.database.tree)
     prediction, index, seen = predict(view, world.database), world.database.index, photo.features
     offset = seen.keypoints_px - prediction.px[:, None]
     patch = prediction.patch_px @ [1, 1j]
@@ -58,7 +59,7 @@ def test_features_turned_on_the_spot_are_no_match_by_projection(world):
     view = view_of(world)
     features, _ = world.seen(view.T_world_camera, world.things, np.random.default_rng(0), clutter=0)
     turned = dataclasses.replace(features, angles_rad=features.angles_rad + np.pi / 2)
-    photo = prepare(turned, world.camera, 0.0, world.database.tree)
+    photo = prepare(turned, CameraPrior(world.camera), world.database.tree)
     assert (
         len(match_by_projection(predict(view, world.database), photo, world.database, 6.0).feature)
         == 0
@@ -68,7 +69,7 @@ def test_features_turned_on_the_spot_are_no_match_by_projection(world):
 def test_a_photo_without_features_has_no_match_by_projection(world):
     view = view_of(world)
     features, _ = world.seen(view.T_world_camera, world.things, np.random.default_rng(0))
-    photo = prepare(features[np.arange(0)], world.camera, 0.0, world.database.tree)
+    photo = prepare(features[np.arange(0)], CameraPrior(world.camera), world.database.tree)
     assert (
         len(match_by_projection(predict(view, world.database), photo, world.database, 6.0).feature)
         == 0

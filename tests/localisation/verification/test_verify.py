@@ -3,12 +3,19 @@ import pytest
 
 from vnav.config import LocateConfig
 from vnav.core import se3
+from vnav.core.camera import CameraPrior
+from vnav.localisation.hypotheses.pose_refinement import RefinedPose
 from vnav.localisation.hypotheses.ransac import PoseHypothesis
 from vnav.localisation.matches import Matches
 from vnav.localisation.photo import prepare
 from vnav.localisation.query import Query
 from vnav.localisation.verification import verify
-from vnav.localisation.verification.verify import VerifiedPose, _guided, _verified
+from vnav.localisation.verification.verify import (
+    SEARCH_RADII,
+    VerifiedPose,
+    _guided,
+    _verified,
+)
 from vnav.localisation.view import View
 
 
@@ -17,7 +24,7 @@ def query(tiled_world):
     """A photo of the wall with the pattern, and its true pose."""
     T = tiled_world.looking((0.0, 0.2, 1.4), 0)
     features, _ = tiled_world.seen(T, tiled_world.things, np.random.default_rng(3), clutter=20)
-    photo = prepare(features, tiled_world.camera, 0.0, tiled_world.database.tree)
+    photo = prepare(features, CameraPrior(tiled_world.camera), tiled_world.database.tree)
     return Query(photo, tiled_world.database, LocateConfig()), T
 
 
@@ -29,7 +36,7 @@ def test_a_pose_beside_the_right_one_that_few_matches_hold_leads_to_it(query, st
     """Shifted by a step of the pattern, one copy of it looks like the other."""
     asked, T_true = query
     beside = View(se3.inverse(se3.make(np.eye(3), (0, step_m, 0)) @ T_true), asked.photo.intrinsics)
-    alone = _guided(beside, asked)
+    alone = _guided(beside, asked, asked.photo.camera, SEARCH_RADII)
     assert alone is not None
     assert off_m(alone, T_true) > step_m / 2
     verified = _verified(beside, asked, np.random.default_rng(0))
@@ -47,7 +54,7 @@ def test_the_pose_that_the_map_bears_out_better_is_taken_though_fewer_matches_ho
     )
     right = pose_with_cells(asked, T_true, [3, 8, 12, 15, 16, 18], [17, 40, 74, 103, 65, 55])
     found = iter([beside, right])
-    monkeypatch.setattr(verify, "_guided", lambda view, query: next(found))
+    monkeypatch.setattr(verify, "_guided", lambda *_: next(found))
     monkeypatch.setattr(verify, "pose_of", lambda *_: PoseHypothesis(right.view, np.ones(9, bool)))
     assert beside.inliers > right.inliers
     assert _verified(beside.view, asked, np.random.default_rng(0)) is right
@@ -58,7 +65,7 @@ def pose_with_cells(query, T_true, found, predicted) -> VerifiedPose:
     rows = np.arange(sum(found))
     matches = Matches(rows, rows, rows.astype(np.int32), np.zeros(len(rows), np.float32))
     view = View(se3.inverse(T_true), query.photo.intrinsics)
-    return VerifiedPose(view, np.eye(6), matches, np.array([found, predicted]))
+    return VerifiedPose(RefinedPose(view, np.eye(6)), matches, np.array([found, predicted]))
 
 
 def test_the_right_pose_stays(query):

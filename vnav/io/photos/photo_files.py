@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from vnav.core.camera import Intrinsics, PhotoCamera
+from vnav.core.camera import CameraPrior, Intrinsics, PhotoCamera
 from vnav.errors import CameraError, CaptureError, PhotoError
 from vnav.io.formats.camera_file import read_color
 from vnav.io.formats.images import read_image
@@ -16,6 +16,8 @@ from vnav.io.photos.heic import is_heic, read_heic
 SUFFIXES = (".jpg", ".jpeg", ".png", ".bmp", ".tif", ".tiff", ".webp", ".heic", ".heif")
 AUTO = "auto"  # what --camera says where the focal length is to be estimated
 EXIF_SIGMA = 0.05  # relative; EXIF rounds to millimetres, and phones crop
+CENTRE_SIGMA = 0.01  # of the principal point about the image centre, over the longer side
+DISTORTION_SIGMA = 0.05  # of the first radial coefficient; phones straighten their photos
 PhotoCameraSource = Path | str | Intrinsics | None  # of a photo: see `photo_camera`
 USUAL_FOCAL = 0.8  # of the longer side: 64 degrees of view; only where search starts
 
@@ -75,14 +77,14 @@ def photo_camera(
     if camera == AUTO:
         return estimated_camera(size)
     if isinstance(camera, Intrinsics):
-        return PhotoCamera(_fitting(camera, "the camera given", path, size), "given", 0.0)
+        return _exactly(_fitting(camera, "the camera given", path, size), "given")
     if camera is not None:
-        return PhotoCamera(_fitting(read_color(Path(camera)), camera, path, size), "file", 0.0)
+        return _exactly(_fitting(read_color(Path(camera)), camera, path, size), "file")
     focal = read_exif(path).focal_px(*size) if path is not None and path.is_file() else None
     if focal:
-        return PhotoCamera(_centred(size, focal), "exif", EXIF_SIGMA)
+        return _centred(size, focal, EXIF_SIGMA, "exif")
     if of_map.size == size:
-        return PhotoCamera(of_map, "assumed", 0.0)
+        return _exactly(of_map, "assumed")
     return estimated_camera(size)
 
 
@@ -101,9 +103,16 @@ def _fitting(
 
 def estimated_camera(size: tuple[int, int]) -> PhotoCamera:
     """A camera of which nothing is known but the size (width, height) of its images."""
-    return PhotoCamera(_centred(size, USUAL_FOCAL * max(size)), "estimated", float("inf"))
+    return _centred(size, USUAL_FOCAL * max(size), float("inf"), "estimated")
 
 
-def _centred(size: tuple[int, int], focal_px: float) -> Intrinsics:
+def _exactly(camera: Intrinsics, source: str) -> PhotoCamera:
+    return PhotoCamera(CameraPrior(camera), source)
+
+
+def _centred(
+    size: tuple[int, int], focal_px: float, focal_sigma: float, source: str
+) -> PhotoCamera:
     width, height = size
-    return Intrinsics(width, height, focal_px, focal_px, (width - 1) / 2, (height - 1) / 2)
+    k = Intrinsics(width, height, focal_px, focal_px, (width - 1) / 2, (height - 1) / 2)
+    return PhotoCamera(CameraPrior(k, focal_sigma, CENTRE_SIGMA, DISTORTION_SIGMA), source)

@@ -7,9 +7,8 @@ import numpy as np
 
 from vnav.compiled.p3p import p3p
 from vnav.core.arrays import Array
-from vnav.core.camera import Intrinsics
+from vnav.core.camera import CameraPrior, Intrinsics
 from vnav.localisation.hypotheses.dlt import dlt, focal_of, poses_of
-from vnav.localisation.view import CameraPrior
 
 UNKNOWN_FOCAL_SIGMA = 0.2  # relative; a focal length with more is as good as unknown
 FOCAL_FACTORS = np.geomspace(0.5, 2.0, 7)  # focal lengths tried then, as factors of the guess

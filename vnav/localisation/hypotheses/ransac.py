@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from vnav.compiled import compiled
 from vnav.core.arrays import Array
-from vnav.core.camera import Intrinsics
+from vnav.core.camera import CameraPrior, Intrinsics
 from vnav.localisation.hypotheses.minimal_solvers import (
     DLT,
     P3P,
@@ -21,7 +21,7 @@ from vnav.localisation.hypotheses.minimal_solvers import (
 )
 from vnav.localisation.hypotheses.pose_refinement import refine_pose
 from vnav.localisation.matches import Correspondences2D3D
-from vnav.localisation.view import MIN_DEPTH_M, CameraPrior, View
+from vnav.localisation.view import MIN_DEPTH_M, View
 
 BATCH = 128  # minimal sets solved at once
 CONFIDENCE = 0.999  # that one set of inliers alone was drawn

@@ -100,11 +100,12 @@ class PhotoAnswer:
         return {"prior": self.prior.as_dict() | {"needed": self.held_by_prior}}
 
     def _intrinsics(self, view: View) -> dict[str, Any]:
-        """The camera of the file, its focal length as it came out."""
+        """The camera of the file, its focal length and principal point as they came out."""
         k, factor = self.camera.intrinsics, view.intrinsics.fx / self.photo.intrinsics.fx
-        fx, fy = k.fx * factor, k.fy * factor
-        values: dict[str, Any] = {"width": k.width, "height": k.height, "fx": fx, "fy": fy}
-        values |= {"cx": k.cx, "cy": k.cy, "distortion": list(k.distortion)}
+        found = view.intrinsics.scaled(*k.size)
+        values: dict[str, Any] = {"width": k.width, "height": k.height}
+        values |= {"fx": found.fx, "fy": found.fy, "cx": found.cx, "cy": found.cy}
+        values |= {"distortion": list(k.distortion)}
         sigma = self.sigmas.focal if self.sigmas else 0.0
         return values | {"sigma_fx": k.fx * factor * sigma}
 

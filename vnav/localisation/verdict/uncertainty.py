@@ -6,11 +6,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from vnav.core.arrays import Array
+from vnav.core.camera import CameraPrior
 from vnav.core.map_index import MapIndex
 from vnav.localisation.hypotheses.pose_refinement import refine_pose
 from vnav.localisation.query import Query
 from vnav.localisation.verification.verify import VerifiedPose
-from vnav.localisation.view import CameraPrior
 
 
 @dataclass(frozen=True)

@@ -1,18 +1,20 @@
 """The third room of locating: poses refined and judged by what the map predicts there."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
 from vnav.core.arrays import Array
+from vnav.core.camera import CameraPrior
 from vnav.localisation.hypotheses.hypothesise import pose_of
-from vnav.localisation.hypotheses.pose_refinement import refine_pose
+from vnav.localisation.hypotheses.pose_refinement import RefinedPose, refine_pose
 from vnav.localisation.hypotheses.ransac import PoseHypothesis
 from vnav.localisation.matches import Matches
 from vnav.localisation.query import MIN_MATCHES, Query
+from vnav.localisation.verification.cropping import covariance_of_either, log_odds_of_cropped
 from vnav.localisation.verification.evidence import (
     Evidence,
     Odds,
@@ -26,6 +28,7 @@ from vnav.localisation.verification.projection_matching import match_by_projecti
 from vnav.localisation.view import View
 
 SEARCH_RADII = 3.0, 2.0  # one after the other, in inlier thresholds
+CROPPED_RADII = 25.0, 12.0, 6.0  # before, where the principal point may be anywhere
 WIDE_RADIUS = 25.0  # about a pose that few matches hold, in the same
 
 
@@ -33,16 +36,24 @@ WIDE_RADIUS = 25.0  # about a pose that few matches hold, in the same
 class VerifiedPose:
     """A pose that the map bears out: what agrees with it, and how strongly (see `evidence`).
 
-    ``covariance`` (6, 6), or (7, 7) with the log focal length, of ``T_world_camera``'s tangent;
     ``cells`` (2, C): landmarks found and predicted in each cell of the image; ``odds``: those of
     the front-end that finds them.
     """
 
-    view: View
-    covariance: Array
+    refined: RefinedPose
     matches: Matches
     cells: NDArray[np.intp]
     odds: Odds = Odds()
+
+    @property
+    def view(self) -> View:
+        """Where the camera stands and how it sees."""
+        return self.refined.view
+
+    @property
+    def covariance(self) -> Array:
+        """Of the view's parameters, as in `RefinedPose`."""
+        return self.refined.covariance
 
     @cached_property
     def evidence(self) -> Evidence:
@@ -77,29 +88,63 @@ def _verified(view: View, query: Query, rng: np.random.Generator) -> VerifiedPos
     Few matches of things that repeat themselves can agree on a pose beside the right one, and
     guided matching then only finds what agrees with that.
     """
-    first = _guided(view, query)
+    first = _with_either_camera(view, query)
     if first is None or first.inliers >= query.config.enough_matches:
         return first
     around = pose_of(_matches_around(first.view, query), MIN_MATCHES, query, rng)
-    second = _guided(around.view, query) if around else None
+    second = _with_either_camera(around.view, query) if around else None
     return second if second and second.evidence.strength > first.evidence.strength else first
 
 
-def _guided(view: View, query: Query) -> VerifiedPose | None:
+def _with_either_camera(view: View, query: Query) -> VerifiedPose | None:
+    """The pose by the camera of a whole photo, or of a cropped one where that is likelier.
+
+    A file does not tell whether it was cropped: where its principal point is not given, both are
+    tried. Where they are about as likely, the pose is as uncertain as they differ.
+    """
+    camera = query.photo.camera
+    whole = _guided(view, query, camera, SEARCH_RADII)
+    if camera.centre_sigma == 0:
+        return whole
+    cropped = _guided_from_afar(view, query, replace(camera, centre_sigma=np.inf))
+    if cropped is None or whole is None:
+        return whole or cropped
+    log_odds = log_odds_of_cropped(cropped.refined, camera)
+    log_odds += cropped.evidence.strength - whole.evidence.strength
+    if log_odds > 0:
+        return cropped
+    share = float(1 / (1 + np.exp(-log_odds)))
+    covariance = covariance_of_either(whole.refined, cropped.refined, share)
+    return replace(whole, refined=RefinedPose(whole.view, covariance))
+
+
+def _guided(
+    view: View, query: Query, camera: CameraPrior, radii: Sequence[float]
+) -> VerifiedPose | None:
     """The pose after guided matching of what the map predicts, None where that finds too little."""
     photo, database = query.photo, query.database
     prediction = predict(view, database)
-    for k, radius in enumerate(SEARCH_RADII):
+    for k, radius in enumerate(radii):
         if k > 0:
             prediction = reprojected(prediction.rows, view, database)
         found = match_by_projection(prediction, photo, database, radius * query.inlier_threshold_px)
         matches = one_to_one(found, prediction, database)
         if len(matches) < query.config.min_inliers:
             return None
-        refined = refine_pose(view, query.correspondences(matches, view), photo.camera)
+        refined = refine_pose(view, query.correspondences(matches, view), camera)
         view = refined.view
     cells = cell_counts(prediction, found, photo)
-    return VerifiedPose(view, refined.covariance, matches, cells, odds_of(database.tree.space))
+    return VerifiedPose(refined, matches, cells, odds_of(database.tree.space))
+
+
+def _guided_from_afar(view: View, query: Query, camera: CameraPrior) -> VerifiedPose | None:
+    """The same, in circles so wide that the principal point may be anywhere."""
+    pose = None
+    for radii in (*zip(CROPPED_RADII), SEARCH_RADII):
+        pose = _guided(pose.view if pose else view, query, camera, radii)
+        if pose is None:
+            return None
+    return pose
 
 
 def _matches_around(view: View, query: Query) -> Matches:
