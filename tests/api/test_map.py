@@ -213,3 +213,32 @@ def test_pictures_of_answers_are_written(
 def test_a_folder_without_a_map_is_an_error(tmp_path: Path) -> None:
     with pytest.raises(vnav.MapError, match="found no map.json"):
         vnav.open_map(tmp_path)
+
+
+@pytest.mark.parametrize("place", [(1.0,), [1, 2, 3], ["a", "b"], np.zeros(3), None, 5])
+def test_what_is_no_place_is_an_error_that_says_so(mapped: vnav.Map, place: object) -> None:
+    with pytest.raises(vnav.MapError, match="expected x, y in metres of the map's world, found"):
+        mapped.plan((0, 0), place)  # type: ignore[arg-type]
+    with pytest.raises(vnav.MapError, match="expected x, y in metres of the map's world, found"):
+        mapped.add_goal("door", place)  # type: ignore[arg-type]
+
+
+def test_a_point_may_be_a_list_or_an_array(mapped: vnav.Map, photos: list[Path]) -> None:
+    x, y = pose(mapped.locate(photos[0]))[:2, 3]
+    answers = [mapped.plan(p, photos[1]) for p in ((x, y), [x, y], np.array([x, y]))]
+    assert answers[0].found is not None
+    for answer in answers:
+        assert answer.found is not None
+        np.testing.assert_array_equal(answer.found.poses, answers[0].found.poses)
+
+
+def test_a_part_or_a_format_that_a_map_has_not_is_an_error(
+    mapped: vnav.Map, tmp_path: Path
+) -> None:
+    with pytest.raises(
+        vnav.MapError, match="expected a part of a map, of trajectory, cloud, .*'clod'"
+    ):
+        mapped.export(tmp_path / "out", {"clod": "ply"})
+    with pytest.raises(vnav.MapError, match="the part cloud to be ply or las, found 'xyz'"):
+        mapped.export(tmp_path / "out", {"cloud": "xyz"})
+    assert not (tmp_path / "out").exists()

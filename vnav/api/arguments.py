@@ -1,5 +1,6 @@
 """What callers may write for a path, a configuration, a camera or a photo, made definite."""
 
+from collections.abc import Sequence
 from os import PathLike
 from pathlib import Path
 from typing import Any
@@ -11,15 +12,17 @@ from vnav import config
 from vnav.config import CaptureConfig, Config
 from vnav.core.camera import Camera, Intrinsics
 from vnav.core.trajectory import Trajectory
-from vnav.errors import PhotoError
+from vnav.errors import MapError, PhotoError
 from vnav.io.photos.photo_files import AUTO, PhotoCameraSource
 from vnav.io.sources.capture import Capture
 from vnav.io.sources.open_capture import open_capture, read_poses
 from vnav.io.sources.record3d import is_recording, open_recording
+from vnav.localisation.verdict.answer import PhotoAnswer
 
 AnyPath = str | PathLike[str]
 ConfigSource = Config | AnyPath | None  # None: the defaults
 PhotoSource = AnyPath | NDArray[Any]  # pixels are checked when they are taken
+PlaceSource = PhotoSource | PhotoAnswer | Sequence[float]  # x, y
 CameraSource = Camera | Intrinsics | AnyPath | None
 CaptureSource = Capture | AnyPath
 TrajectorySource = Trajectory | AnyPath
@@ -61,6 +64,17 @@ def photo_of(source: PhotoSource) -> Path | NDArray[np.uint8]:
             f" {image.dtype}; convert it first"
         )
     return image
+
+
+def xy_of(source: PlaceSource) -> tuple[float, float] | None:
+    """X and y, None where a photo is given instead; MapError where it is neither."""
+    if isinstance(source, str | PathLike | PhotoAnswer) or np.ndim(source) > 1:
+        return None
+    try:
+        x, y = map(float, source)
+    except (TypeError, ValueError):
+        raise MapError(f"expected x, y in metres of the map's world, found {source!r}") from None
+    return x, y
 
 
 def photo_camera_of(source: CameraSource) -> PhotoCameraSource:

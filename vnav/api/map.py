@@ -2,6 +2,7 @@
 
 import dataclasses
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from os import PathLike
 from pathlib import Path
 from threading import Lock
 from typing import TYPE_CHECKING, Any
@@ -13,9 +14,11 @@ from vnav.api.arguments import (
     CameraSource,
     ConfigSource,
     PhotoSource,
+    PlaceSource,
     config_of,
     photo_camera_of,
     photo_of,
+    xy_of,
 )
 from vnav.config import Config
 from vnav.core.arrays import Array
@@ -37,8 +40,6 @@ if TYPE_CHECKING:
     from vnav.reporting.map_server import MapServer
     from vnav.stages.locate import Locator
     from vnav.stages.plan import Place, PlanAnswer
-
-PlaceSource = PhotoSource | PhotoAnswer | tuple[float, float]
 
 
 class Map:
@@ -241,10 +242,12 @@ class Map:
         from vnav.planning.planner import heading_rad
         from vnav.stages.plan import elsewhere
 
-        if isinstance(place, tuple):
-            return add_place(self._folder, name, GOAL, np.array([place], float))
+        xy = xy_of(place)
+        if xy:
+            return add_place(self._folder, name, GOAL, np.array([xy]))
         if not isinstance(place, PhotoAnswer):
-            place = self.locate(place, camera=camera, config=config)
+            photo = place if isinstance(place, str | PathLike) else np.asarray(place)
+            place = self.locate(photo, camera=camera, config=config)
         T_world_camera = place.T_world_camera
         if T_world_camera is None:
             raise PhotoError(f"expected a photo that shows the map, found none: {place.reason}")
@@ -261,7 +264,8 @@ class Map:
         """
         from vnav.io.store.places_file import add_place
 
-        add_place(self._folder, name, KEEP_OUT, np.array(corners, float).reshape(-1, 2))
+        points_m = np.array([xy_of(corner) for corner in corners]).reshape(-1, 2)
+        add_place(self._folder, name, KEEP_OUT, points_m)
 
     def one_way(
         self, name: str, corners: Sequence[tuple[float, float]], heading_rad: float
@@ -273,7 +277,7 @@ class Map:
         """
         from vnav.io.store.places_file import add_place
 
-        points_m = np.array(corners, float).reshape(-1, 2)
+        points_m = np.array([xy_of(corner) for corner in corners]).reshape(-1, 2)
         add_place(self._folder, name, ONE_WAY, points_m, heading_rad)
 
     def remove_place(self, name: str) -> None:
@@ -364,12 +368,11 @@ def _place(place: PlaceSource, pose_of: Callable[[PhotoSource], Array | Rejected
     """A place as the stage takes it, who is given the poses of answers and of pixels."""
     if isinstance(place, PhotoAnswer):
         return _pose(place)
-    if isinstance(place, np.ndarray):
-        return pose_of(place)
-    if isinstance(place, tuple):
-        x, y = place
-        return float(x), float(y)
-    return place if isinstance(place, str) else Path(place)
+    if isinstance(place, str):
+        return place
+    if isinstance(place, PathLike):
+        return Path(place)
+    return xy_of(place) or pose_of(np.asarray(place))
 
 
 def _pose(answer: PhotoAnswer) -> Array | Rejected:

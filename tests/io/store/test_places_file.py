@@ -113,7 +113,9 @@ def test_a_name_is_taken_once_and_free_again_when_removed(place_map: MapFolder) 
         remove_place(place_map, "desk")
 
 
-@pytest.mark.parametrize("name", ["", " ", "current", "a\nb", "a\x1b[0m", "x" * 101])
+@pytest.mark.parametrize(
+    "name", ["", " ", "current", "1,2", "-1.5, 2e1", "a\nb", "a\x1b[0m", "x" * 101]
+)
 def test_a_name_that_cannot_be_is_refused(place_map: MapFolder, name: str) -> None:
     with pytest.raises(MapError, match="expected a name of 1 to 100 printable characters"):
         add_place(place_map, name, GOAL, DESK)

@@ -22,7 +22,8 @@ def export(
 
     That are files, and folders of images. Files of the same names are replaced. StaleArtifact names
     the command to run where a stage is missing, before anything is written; MapError where ``out``
-    lies in the map or cannot be written, or where a format needs a package that is not installed.
+    lies in the map or cannot be written, where a part or a format is unknown, or where it needs a
+    package that is not installed.
     """
     if out.resolve().is_relative_to(folder.root.resolve()):
         raise MapError(
@@ -30,6 +31,7 @@ def export(
             " another with --out"
         )
     for part, forms in wanted.items():
+        _require_known(part, forms)
         folder.stage(PARTS[part].stage)
         for form in forms:
             _require_package(part, form)
@@ -57,6 +59,18 @@ def everything() -> tuple[dict[str, list[str]], list[str]]:
             else:
                 possible.setdefault(name, []).append(form)
     return possible, reasons
+
+
+def _require_known(part: str, forms: Sequence[str]) -> None:
+    """MapError where a map has no such part, or it cannot be written so."""
+    if part not in PARTS:
+        raise MapError(f"expected a part of a map, of {', '.join(PARTS)}, found {part!r}")
+    for form in forms:
+        if form not in PARTS[part].formats:
+            possible = " or ".join(PARTS[part].formats)
+            raise MapError(
+                f"expected the format of the part {part} to be {possible}, found {form!r}"
+            )
 
 
 def _require_package(part: str, form: str) -> None:

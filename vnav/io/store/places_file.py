@@ -21,6 +21,7 @@ from vnav.core.places import (
     LostPlace,
     NamedPlace,
     Zones,
+    point_of,
     zones_of,
 )
 from vnav.errors import MapError
@@ -124,10 +125,11 @@ def known_names(names: Iterable[str]) -> str:
 
 
 def _require_usable(name: str, kind: str, points_m: Array) -> None:
-    if not name.strip() or len(name) > LONGEST or not name.isprintable() or name == "current":
+    is_other = name == "current" or point_of(name) is not None
+    if not name.strip() or len(name) > LONGEST or not name.isprintable() or is_other:
         raise MapError(
-            f"expected a name of 1 to {LONGEST} printable characters other than 'current', found"
-            f" {name[:LONGEST]!r}"
+            f"expected a name of 1 to {LONGEST} printable characters other than 'current' and X,Y,"
+            f" found {name[:LONGEST]!r}"
         )
     if kind != GOAL and len(points_m) < CORNERS:
         raise MapError(
