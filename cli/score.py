@@ -48,10 +48,11 @@ def score(
 ) -> None:
     """Print ATE and RPE of the poses in TRAJECTORY against those in TRUTH.
 
-    Both are TUM files, lines of 'stamp tx ty tz qx qy qz qw'; TRUTH may also be a capture folder
-    that comes with its truth. docs/scoring.md defines every figure.
+    Both are TUM files, lines of 'stamp tx ty tz qx qy qz qw'. TRAJECTORY may also be a map's
+    folder, TRUTH a capture folder that comes with its truth. docs/scoring.md defines every figure.
 
     \b
+    vnav score my-map my_capture
     vnav score my-map/optimise/trajectory_0.tum my_capture
     vnav score mono/trajectory.tum truth.txt --align sim3 --json
     """

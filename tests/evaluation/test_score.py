@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
+import vnav
 from vnav.cli.score import score as command
 from vnav.core import se3
 from vnav.core.trajectory import Trajectory
@@ -106,3 +107,16 @@ def test_a_smaller_difference_in_time_pairs_less(tmp_path: Path) -> None:
     files = [str(tmp_path / "a.tum"), str(tmp_path / "b.tum")]
     with pytest.raises(TrajectoryError, match="within 0.0005 s, found 0 of 100"):
         CliRunner().invoke(command, [*files, "--max-difference", "0.0005"], catch_exceptions=False)
+
+
+def test_a_maps_folder_stands_for_its_poses(whole_map: Path, tiny_capture: Path) -> None:
+    of_folder = vnav.score(whole_map, tiny_capture)
+    of_file = vnav.score(whole_map / "optimise" / "trajectory_0.tum", tiny_capture)
+    assert of_folder.as_dict() == of_file.as_dict()
+
+
+def test_of_a_map_of_two_captures_one_is_to_be_named(
+    extended_map: Path, tiny_capture: Path
+) -> None:
+    with pytest.raises(vnav.MapError, match=r"of 2; name .*trajectory_0.tum to trajectory_1.tum"):
+        vnav.score(extended_map, tiny_capture)

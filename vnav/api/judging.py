@@ -21,7 +21,7 @@ from vnav.api.arguments import (
 from vnav.config import CaptureConfig, Config
 from vnav.core.progress import Progress, silent
 from vnav.core.trajectory import Trajectory
-from vnav.errors import CaptureError
+from vnav.errors import CaptureError, MapError
 from vnav.io.sources.open_capture import read_truth, truth_of
 from vnav.io.sources.record3d import is_recording
 
@@ -79,7 +79,8 @@ def score(
 ) -> "Score":
     """ATE and RPE of poses against the true ones, each a trajectory or a TUM file.
 
-    ``truth`` may also be a capture folder that comes with its truth, ``camera`` that capture's.
+    ``trajectory`` may also be the folder of a map of one capture. ``truth`` may also be a capture
+    folder that comes with its truth, ``camera`` that capture's.
     Poses belong together whose times differ by less than ``max_difference_s``; RPE is taken over
     ``frames`` frames. ``align``: "se3", or "sim3" for a trajectory whose scale is not known.
     TrajectoryError where fewer than three do.
@@ -89,7 +90,23 @@ def score(
     if not isinstance(truth, Trajectory):
         camera_file = None if camera is None else Path(camera)
         truth = read_truth(Path(truth), CaptureConfig(), camera_file)
-    return scoring.score(trajectory_of(trajectory), truth, max_difference_s, frames, align)
+    return scoring.score(_estimated(trajectory), truth, max_difference_s, frames, align)
+
+
+def _estimated(source: TrajectorySource) -> Trajectory:
+    """The poses to be scored; MapError where they are a map's of several captures."""
+    if isinstance(source, Trajectory) or not (Path(source) / "map.json").is_file():
+        return trajectory_of(source)
+    from vnav.api.map import open_map
+
+    mapped = open_map(source)
+    count = len(mapped.info()["captures"])
+    if count > 1:
+        raise MapError(
+            f"expected a map of one capture, found {mapped.root}, of {count}; name the poses of"
+            f" one: {mapped.root / 'optimise'}/trajectory_0.tum to trajectory_{count - 1}.tum"
+        )
+    return mapped.trajectory()
 
 
 def compare_trackers(
