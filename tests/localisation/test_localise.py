@@ -8,7 +8,7 @@ from vnav.config.registries import SEARCHES
 from vnav.core import se3
 from vnav.core.camera import CameraPrior, Intrinsics
 from vnav.features.sift import SPACE
-from vnav.io.photos.photo_files import CENTRE_SIGMA, DISTORTION_SIGMA
+from vnav.io.photos.photo_files import CENTRE_SIGMA, DISTORTION_SIGMA, EXIF_SIGMA
 from vnav.localisation import localise as rooms
 from vnav.localisation.localise import localise
 from vnav.localisation.photo import prepare
@@ -87,18 +87,23 @@ def test_an_unknown_focal_length_is_found_with_its_uncertainty(world):
     assert errors(result, T_true)[0] < 0.05
 
 
-UNKNOWN = CameraPrior(
-    Intrinsics(640, 480, 525.0, 525.0, 319.5, 239.5), np.inf, CENTRE_SIGMA, DISTORTION_SIGMA
-)
+def roughly(focal_px, focal_sigma):
+    """What is known of a camera that is not told."""
+    camera = Intrinsics(640, 480, focal_px, focal_px, 319.5, 239.5)
+    return CameraPrior(camera, focal_sigma, CENTRE_SIGMA, DISTORTION_SIGMA)
 
 
+UNKNOWN, OF_EXIF = roughly(525.0, np.inf), roughly(650.0, EXIF_SIGMA)
+
+
+@pytest.mark.parametrize("told", [UNKNOWN, OF_EXIF], ids=["unknown", "EXIF"])
 @pytest.mark.parametrize("left_px", [0.0, 120.0, 250.0])
-def test_a_cropped_photo_is_found_though_its_camera_is_unknown(world, left_px):
-    """Cut off at the left: 525 px and the middle of the image are where search starts."""
+def test_a_cropped_photo_is_found_though_its_camera_is_not_told(world, left_px, told):
+    """Cut off at the left; the middle of the image is where search starts."""
     camera = dataclasses.replace(world.camera, fx=640.0, fy=640.0, cx=world.camera.cx - left_px)
     T_true = world.looking(*POSE)
     features, _ = world.seen(T_true, world.things, np.random.default_rng(7), camera=camera)
-    result, _ = asked(world, features, camera=UNKNOWN)
+    result, _ = asked(world, features, camera=told)
     assert isinstance(result, Located)
     sigma = sigmas(result.best, world.database.index)
     off_m, off_rad = errors(result, T_true)
@@ -109,9 +114,9 @@ def test_a_cropped_photo_is_found_though_its_camera_is_unknown(world, left_px):
 
 def test_a_camera_that_is_not_known_leaves_a_pose_less_certain(world, photo_features):
     _, features = photo_features
-    known, roughly = (asked(world, features, camera=c)[0] for c in (None, UNKNOWN))
-    of_known, of_roughly = (sigmas(r.best, world.database.index) for r in (known, roughly))
-    assert (of_roughly.position_m > 2 * of_known.position_m).all()
+    answers = (asked(world, features, camera=c)[0] for c in (None, UNKNOWN))
+    of_known, of_unknown = (sigmas(r.best, world.database.index) for r in answers)
+    assert (of_unknown.position_m > 2 * of_known.position_m).all()
 
 
 def test_a_wrong_focal_length_is_noticed(world):
