@@ -62,12 +62,9 @@ def test_every_frame_is_tracked_and_no_edge_is_off(
         assert np.rad2deg(se3.rotation_angle(off)) < 1, (edge.i, edge.j)
 
 
-@pytest.mark.parametrize("seed", [5, 6])
-def test_where_nothing_is_unique_a_motion_does_not_become_sure_by_going_on(
-    seed: int, tmp_path: Path
-) -> None:
+def test_where_nothing_is_unique_a_motion_does_not_become_sure_by_going_on(tmp_path: Path) -> None:
     """Every step looks like one of a period more or less: which it was, no later step tells."""
-    capture, _ = stretch("library_bare", seed, range(12))
+    capture, _ = stretch("library_bare", 5, range(12))
     edges = track(capture, Config(), tmp_path).edges
     likely = {j: max(e.probability for e in edges if e.j == j) for j in {e.j for e in edges}}
     assert np.median(list(likely.values())) < UNSURE, likely
