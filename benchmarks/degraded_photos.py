@@ -59,12 +59,17 @@ def _rotated(image: Image, k: Intrinsics) -> Spoilt:
     return np.asarray(cv2.rotate(image, cv2.ROTATE_90_CLOCKWISE), np.uint8), camera, R_old_new
 
 
+def _part(image: Image, k: Intrinsics, corner: tuple[int, int], size: tuple[int, int]) -> Spoilt:
+    """From this corner (left, top), of this size (width, height)."""
+    (left, top), (width, height) = corner, size
+    camera = Intrinsics(width, height, k.fx, k.fy, k.cx - left, k.cy - top)
+    return image[top : top + height, left : left + width].copy(), camera, np.eye(3)
+
+
 def _cropped(image: Image, k: Intrinsics) -> Spoilt:
     """The middle, half of the width and of the height."""
     width, height = k.width // 2, k.height // 2
-    left, top = width // 2, height // 2
-    camera = Intrinsics(width, height, k.fx, k.fy, k.cx - left, k.cy - top)
-    return image[top : top + height, left : left + width].copy(), camera, np.eye(3)
+    return _part(image, k, (width // 2, height // 2), (width, height))
 
 
 def _cropped_aside(image: Image, k: Intrinsics) -> Spoilt:
@@ -72,8 +77,7 @@ def _cropped_aside(image: Image, k: Intrinsics) -> Spoilt:
     rng = np.random.default_rng(int(image.sum()))
     width, height = (int(n * rng.uniform(0.6, 0.9)) for n in k.size)
     left, top = rng.integers(0, [k.width - width + 1, k.height - height + 1]).tolist()
-    camera = Intrinsics(width, height, k.fx, k.fy, k.cx - left, k.cy - top)
-    return image[top : top + height, left : left + width].copy(), camera, np.eye(3)
+    return _part(image, k, (left, top), (width, height))
 
 
 def _small(image: Image, k: Intrinsics) -> Spoilt:

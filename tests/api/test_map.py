@@ -223,6 +223,14 @@ def test_what_is_no_place_is_an_error_that_says_so(mapped: vnav.Map, place: obje
         mapped.add_goal("door", place)  # type: ignore[arg-type]
 
 
+@pytest.mark.parametrize("corner", ["ab", (1, 2, 3), ("a", "b")])
+def test_a_corner_that_is_no_point_is_an_error_that_says_so(
+    mapped: vnav.Map, corner: object
+) -> None:
+    with pytest.raises(vnav.MapError, match="expected x, y in metres of the map's world, found"):
+        mapped.keep_out("stairs", [(0, 0), (1, 0), corner])  # type: ignore[list-item]
+
+
 def test_a_point_may_be_a_list_or_an_array(mapped: vnav.Map, photos: list[Path]) -> None:
     x, y = pose(mapped.locate(photos[0]))[:2, 3]
     answers = [mapped.plan(p, photos[1]) for p in ((x, y), [x, y], np.array([x, y]))]

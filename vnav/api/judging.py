@@ -18,12 +18,14 @@ from vnav.api.arguments import (
     config_of,
     trajectory_of,
 )
+from vnav.api.map import Map
 from vnav.config import CaptureConfig, Config
 from vnav.core.progress import Progress, silent
 from vnav.core.trajectory import Trajectory
 from vnav.errors import CaptureError, MapError
 from vnav.io.sources.open_capture import read_truth, truth_of
 from vnav.io.sources.record3d import is_recording
+from vnav.io.store.map_folder import MapFolder
 
 if TYPE_CHECKING:
     from vnav.checking.capture_report import CaptureReport
@@ -97,16 +99,14 @@ def _estimated(source: TrajectorySource) -> Trajectory:
     """The poses to be scored; MapError where they are a map's of several captures."""
     if isinstance(source, Trajectory) or not (Path(source) / "map.json").is_file():
         return trajectory_of(source)
-    from vnav.api.map import open_map
-
-    mapped = open_map(source)
-    count = len(mapped.info()["captures"])
+    folder = MapFolder.open(Path(source))
+    count = len(folder.captures)
     if count > 1:
         raise MapError(
-            f"expected a map of one capture, found {mapped.root}, of {count}; name the poses of"
-            f" one: {mapped.root / 'optimise'}/trajectory_0.tum to trajectory_{count - 1}.tum"
+            f"expected a map of one capture, found {folder.root}, of {count}; name the poses of"
+            f" one: {folder.root / 'optimise'}/trajectory_0.tum to trajectory_{count - 1}.tum"
         )
-    return mapped.trajectory()
+    return Map(folder).trajectory()
 
 
 def compare_trackers(

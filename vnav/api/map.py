@@ -264,8 +264,7 @@ class Map:
         """
         from vnav.io.store.places_file import add_place
 
-        points_m = np.array([xy_of(corner) for corner in corners]).reshape(-1, 2)
-        add_place(self._folder, name, KEEP_OUT, points_m)
+        add_place(self._folder, name, KEEP_OUT, _polygon(corners))
 
     def one_way(
         self, name: str, corners: Sequence[tuple[float, float]], heading_rad: float
@@ -277,8 +276,7 @@ class Map:
         """
         from vnav.io.store.places_file import add_place
 
-        points_m = np.array([xy_of(corner) for corner in corners]).reshape(-1, 2)
-        add_place(self._folder, name, ONE_WAY, points_m, heading_rad)
+        add_place(self._folder, name, ONE_WAY, _polygon(corners), heading_rad)
 
     def remove_place(self, name: str) -> None:
         """Forget a goal, a keep-out or a one-way; MapError where there is none of that name."""
@@ -373,6 +371,11 @@ def _place(place: PlaceSource, pose_of: Callable[[PhotoSource], Array | Rejected
     if isinstance(place, PathLike):
         return Path(place)
     return xy_of(place) or pose_of(np.asarray(place))
+
+
+def _polygon(corners: Sequence[Sequence[float]]) -> Array:
+    """Corners (N, 2); MapError where one is no x and y."""
+    return np.array([xy_of(tuple(corner)) for corner in corners]).reshape(-1, 2)
 
 
 def _pose(answer: PhotoAnswer) -> Array | Rejected:

@@ -53,9 +53,5 @@ class View:
             return View(T, self.intrinsics)
         k, scale = self.intrinsics, float(np.exp(step[6]))
         right, down = max(k.size) * step[7:] if len(step) == 9 else (0.0, 0.0)
-        return View(
-            T,
-            dataclasses.replace(
-                k, fx=k.fx * scale, fy=k.fy * scale, cx=k.cx + right, cy=k.cy + down
-            ),
-        )
+        fx, fy, cx, cy = k.fx * scale, k.fy * scale, k.cx + right, k.cy + down
+        return View(T, dataclasses.replace(k, fx=fx, fy=fy, cx=cx, cy=cy))

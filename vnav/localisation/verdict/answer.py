@@ -101,13 +101,13 @@ class PhotoAnswer:
 
     def _intrinsics(self, view: View) -> dict[str, Any]:
         """The camera of the file, its focal length and principal point as they came out."""
-        k, factor = self.camera.intrinsics, view.intrinsics.fx / self.photo.intrinsics.fx
+        k = self.camera.intrinsics
         found = view.intrinsics.scaled(*k.size)
         values: dict[str, Any] = {"width": k.width, "height": k.height}
         values |= {"fx": found.fx, "fy": found.fy, "cx": found.cx, "cy": found.cy}
         values |= {"distortion": list(k.distortion)}
         sigma = self.sigmas.focal if self.sigmas else 0.0
-        return values | {"sigma_fx": k.fx * factor * sigma}
+        return values | {"sigma_fx": found.fx * sigma}
 
 
 @dataclass(frozen=True)
