@@ -9,7 +9,7 @@ from tests.registration.plane_views import CAMERA, Plane, periodic, plain, speck
 from vnav.config import RegistrationConfig
 from vnav.core import se3
 from vnav.core.frame import Frame
-from vnav.registration.judge import WRONG, PixelEvidence, are_same, judge
+from vnav.registration.judge import CLEAR, WRONG, PixelEvidence, are_same, judge
 from vnav.registration.pixel_evidence import log_likelihoods
 from vnav.registration.reduction import reduced
 
@@ -148,6 +148,7 @@ def test_what_delays_may_do_explains_a_residual_and_makes_none_less_likely(
         log_likelihoods(
             np.array([[off_sigmas * noise, np.nan, noise, 1.0, by_delays, 0.0]]),
             np.zeros(1),
+            (1.0, 0.0),
             chance,
             WRONG,
         )
@@ -165,3 +166,56 @@ def test_motions_are_the_same_that_are_apart_by_what_the_camera_moves_meanwhile(
 
 
 MARKS = np.random.default_rng(4).uniform((-1.8, -1.3), (1.8, 1.3), (40, 2))
+
+
+SKIRTING = [Plane(3.0, plain(120)), Plane(1.0, plain(90), (-2.0, 0.2), (2.0, 2.0))]
+POSTERS = [
+    Plane(2.99, speckle(20 + k), (x, -0.9), (x + 0.4, -0.3)) for k, x in enumerate((-1.0, 0.2))
+]
+FLOOR_ALONE = [*SKIRTING, *POSTERS]  # a bare floor near by, and posters on a wall far behind it
+
+
+def far_evidence(candidates: list[np.ndarray], range_m: float) -> PixelEvidence:
+    """Of two views 5 cm apart, without the depth of what is farther than the sensor's range."""
+    a, b = (view(FLOOR_ALONE, x, seed=k) for k, x in enumerate((0.0, STEP_M)))
+    near = (replace(f, depth_m=np.where(f.depth_m < range_m, f.depth_m, 0)) for f in (a, b))
+    return judge(*(reduced(f) for f in near), candidates, CONFIG)
+
+
+TURNED = shift(STEP_M) @ se3.exp([0, 0.03, 0, 0, 0, 0])
+
+
+@pytest.mark.parametrize("range_m", [1.5, 5.0])
+def test_what_has_no_depth_tells_a_turn_that_a_bare_floor_does_not(range_m: float) -> None:
+    found = far_evidence([TURNED, shift(STEP_M)], range_m)
+    assert found.probabilities[1] > 0.99
+    assert found.log_odds[1, -1] > CLEAR
+
+
+@pytest.mark.parametrize("step_m", [0.0, 2 * STEP_M])
+def test_a_motion_that_takes_less_parallax_is_no_likelier_for_what_has_no_depth(
+    step_m: float,
+) -> None:
+    """The wall is 3 m away, so that its 4 pixels between the views may as well be a turn."""
+    turn = (STEP_M - step_m) / 3.0
+    as_good_for_the_wall = shift(step_m) @ se3.exp([0, turn, 0, 0, 0, 0])
+    found = far_evidence([as_good_for_the_wall, shift(STEP_M)], 1.5)
+    assert found.log_odds[0, 1] < CLEAR
+
+
+def test_what_moves_tells_nothing_by_its_brightness_either() -> None:
+    """Whatever stands in the mask in the other view."""
+    person = Plane(2.9, speckle(30), (-1.5, -1.2), (1.5, 0.15))
+    stranger = replace(person, texture=speckle(31))
+    found: dict[bool, list[float]] = {False: [], True: []}
+    for other in (person, stranger):
+        pair = (view([*SKIRTING, p], x, seed=0) for p, x in ((person, 0.0), (other, STEP_M)))
+        near = (replace(f, depth_m=np.where(f.depth_m < 1.5, f.depth_m, 0)) for f in pair)
+        a, b = (reduced(f) for f in near)
+        moving = np.broadcast_to(np.arange(len(a.grey))[:, None] < 0.6 * len(a.grey), a.grey.shape)
+        for is_masked in found:
+            seen = [f.without(moving) if is_masked else f for f in (a, b)]
+            evidence = judge(*seen, [shift(STEP_M), TURNED], CONFIG)
+            found[is_masked].append(float(evidence.log_odds[0, 1]))
+    assert abs(np.subtract(*found[False])) > CLEAR
+    assert abs(np.subtract(*found[True])) < 0.1

@@ -1,40 +1,15 @@
 """Places that repeat themselves, tracked by their images alone: no edge is off by a period."""
 
-from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from tests.tracking.stretches import stretch
 from vnav.config import Config
 from vnav.core import se3
-from vnav.core.camera import Camera
-from vnav.io.sources.memory import ArrayCapture, frames
 from vnav.stages.odometry import track
-from vnav.synthetic import MINIATURE, SCENES, CaptureSpec
-from vnav.synthetic.path import frames_at
-from vnav.synthetic.rendered_capture import camera_poses
-from vnav.synthetic.sensor import measured_color, measured_depth
 from vnav.tracking.pose_choice import UNSURE
-
-STEP_M, UNEVEN = 0.07, 0.43  # 4 to 10 cm a frame
-RATE_HZ = 10.0
-
-
-def stretch(scene: str, seed: int, rows: Sequence[int]) -> tuple[ArrayCapture, np.ndarray]:
-    """Those frames of the walk through a scene, and their T_world_camera."""
-    place, camera = SCENES[scene](seed), MINIATURE.camera
-    count = frames_at(STEP_M, place.tour)
-    spec = CaptureSpec(scene, count, 0, camera, camera, RATE_HZ, seed=seed, uneven=UNEVEN)
-    T_world_camera = camera_poses(place, spec)[rows]
-    color, depth_m = [], []
-    for row, T in zip(rows, T_world_camera, strict=True):
-        rng = np.random.default_rng([seed, row])
-        clean, exact_m = place.render(camera, T)
-        color.append(measured_color(clean, np.ones(3), spec.sensor, rng))
-        depth_m.append(measured_depth(exact_m, camera, spec.sensor, rng))
-    stamps_s = np.array(rows) / RATE_HZ
-    return frames(color, depth_m, Camera(camera, 1.0), stamps_s), T_world_camera
 
 
 @pytest.mark.parametrize(

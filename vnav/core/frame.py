@@ -1,6 +1,6 @@
 """Frames, their features, and the edges between them."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -123,8 +123,9 @@ class Edge:
 class PoseEstimate:
     """How camera b stands to camera a, from matched features.
 
-    ``inliers`` (M, 2): rows of a's and b's features that agree; ``information`` and
-    ``probability`` as in `Edge`.
+    ``inliers`` (M, 2): rows of a's and b's features that agree, one of them with depth; ``far``
+    (F, 2): those without any; ``information`` and ``probability`` as in `Edge`; ``matches``: of
+    both kinds, that were asked.
     """
 
     T_a_b: NDArray[np.float64]
@@ -132,11 +133,17 @@ class PoseEstimate:
     inliers: NDArray[np.int32]
     matches: int
     probability: float = 1.0
+    far: NDArray[np.int32] = field(default_factory=lambda: np.zeros((0, 2), np.int32))
+
+    @property
+    def agreeing(self) -> int:
+        """How many matches agree, with depth and without."""
+        return len(self.inliers) + len(self.far)
 
     @property
     def inlier_share(self) -> float:
         """Of the matches."""
-        return len(self.inliers) / self.matches
+        return self.agreeing / self.matches
 
 
 @dataclass(frozen=True)

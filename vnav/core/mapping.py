@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from vnav.core.arrays import frozen
+from vnav.core.arrays import Array, frozen
 from vnav.core.frame import Edge, Features
 
 LOST = -1
@@ -94,13 +94,15 @@ class FrameFeatures:
 
     ``row`` in the frame table; ``points_camera`` (N, 3) float32: each feature's 3D point in the
     colour camera from its own depth, NaN where depth is missing or lies on an edge.
-    ``is_coarse``: found in the image at half its size.
+    ``is_coarse``: found in the image at half its size. ``triangulated`` (N, 2): of features without
+    depth, inverse depth (1/m) and its standard deviation by what other views tell; None by none.
     """
 
     row: int
     features: Features
     points_camera: NDArray[np.float32]
     is_coarse: bool = False
+    triangulated: Array | None = None
 
     def __post_init__(self) -> None:
         shape = (len(self.features), 3)
@@ -108,8 +110,12 @@ class FrameFeatures:
 
     def __getitem__(self, selection: NDArray[np.intp] | NDArray[np.bool_]) -> "FrameFeatures":
         """The frame with the selected features, in the order of the selection."""
-        points = self.points_camera[selection]
-        return replace(self, features=self.features[selection], points_camera=points)
+        return replace(
+            self,
+            features=self.features[selection],
+            points_camera=self.points_camera[selection],
+            triangulated=None if self.triangulated is None else self.triangulated[selection],
+        )
 
     @property
     def has_depth(self) -> NDArray[np.bool_]:

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from vnav.core.arrays import Array, frozen
 from vnav.core.camera import Intrinsics
 
+FEW = 0.5  # share of blocks with depth, below which those without it are asked, too
 BLOCK_PX = 4  # edge of the square of pixels that becomes one
 
 
@@ -19,7 +20,8 @@ class ReducedFrame:
 
     ``grey`` (H, W) float32: a block's mean; ``inverse_depth`` (H, W) float32 in 1/m: a block's
     mean, 0 where it has too little depth or a depth edge; ``intrinsics`` of both. ``twist`` (6,) of
-    the camera in its own axes, rotation first, rad/s and m/s: 0 where nothing tells.
+    the camera in its own axes, rotation first, rad/s and m/s: 0 where nothing tells. ``masked``
+    (H, W): what moves, without depth; None where nothing does.
     """
 
     stamp_s: float
@@ -27,6 +29,17 @@ class ReducedFrame:
     inverse_depth: NDArray[np.float32]
     intrinsics: Intrinsics
     twist: Array = field(default_factory=lambda: np.zeros(6))
+    masked: NDArray[np.bool_] | None = None
+
+    @property
+    def lacks_depth(self) -> bool:
+        """Whether few blocks have depth, so that those without it are asked, too."""
+        return bool((self.inverse_depth > 0).mean() < FEW)
+
+    def without(self, masked: NDArray[np.bool_]) -> "ReducedFrame":
+        """The same without the depth of what moves (H, W)."""
+        left = np.where(masked, np.float32(0), self.inverse_depth)
+        return replace(self, inverse_depth=left, masked=masked)
 
     def __post_init__(self) -> None:
         shape = self.intrinsics.height, self.intrinsics.width

@@ -54,7 +54,7 @@ class Closures:
         self, candidate: LoopCandidate, edge: Edge, estimate: PoseEstimate, is_loop: bool
     ) -> None:
         """Add the verdict on a candidate, its edge and its inliers."""
-        c, inliers = candidate, estimate.inliers
+        c, inliers = candidate, np.concatenate([estimate.inliers, estimate.far])
         found = "", estimate.matches, len(inliers)
         self.verdicts.append(LoopVerdict(c.i, c.j, c.source, c.score, True, *found, is_loop))
         self.edges.append(edge)
@@ -146,7 +146,7 @@ class LoopVerifier:
             return found
         in_favour = float(self._log_odds(i, j, [found.T_a_b, near.T_a_b])[0, 1])
         if abs(in_favour) < CLEAR:
-            return Rejected(AMBIGUOUS, found.matches, len(found.inliers))
+            return Rejected(AMBIGUOUS, found.matches, found.agreeing)
         return found if in_favour > 0 else near
 
     def _are_neighbours(self, candidate: LoopCandidate) -> bool:

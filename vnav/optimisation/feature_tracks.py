@@ -13,6 +13,8 @@ from vnav.optimisation.sensor_model import Observations
 from vnav.optimisation.track_merging import merge
 
 LONG_TRACK = 4  # sightings of a landmark that tells of the sensor
+UNMEASURED_TRACK = 3  # sightings of a landmark without depth: two rays meet by chance
+MOST_UNKNOWN = 0.1  # share of its distance that such a landmark may be off, before adjustment
 
 
 def merged(
@@ -84,7 +86,7 @@ class FeatureTracks:
     def points_world(self, T_world_camera: Array, rows: Rows) -> Array:
         """Points (L, 3): the mean of a track's 3D points, weighted by depth's precision.
 
-        Only the given rows count; NaN for a track none of whose features has depth.
+        Only the given rows count; NaN for a track none of whose features has depth; see `met`.
         """
         T = T_world_camera[self.seen.camera[rows]]
         points = (T[:, :3, :3] @ self.points_camera[rows, :, None])[..., 0] + T[:, :3, 3]
@@ -96,14 +98,42 @@ class FeatureTracks:
         with np.errstate(invalid="ignore"):
             return np.stack(sums, 1) / total[:, None]
 
+    def met(self, T_world_camera: Array, rays: Array, rows: Rows, sigma: float) -> Array:
+        """Points (L, 3) nearest to the rays of tracks without depth that enough keyframes see.
+
+        ``rays`` (F, 3): of all rows, in their cameras; ``sigma``: of their direction, in rad. NaN
+        where that leaves the distance open by more than `MOST_UNKNOWN` of itself.
+        """
+        rows = rows[self._count(rows)[1] == 0]
+        T, track = T_world_camera[self.seen.camera[rows]], self.seen.landmark[rows]
+        toward = (T[:, :3, :3] @ rays[rows, :, None])[..., 0]
+        toward /= np.linalg.norm(toward, axis=1, keepdims=True)
+        across = np.eye(3) - toward[:, :, None] * toward[:, None]
+        sums, weighted = np.zeros((self.count, 3, 3)), np.zeros((self.count, 3))
+        np.add.at(sums, track, across)
+        np.add.at(weighted, track, (across @ T[:, :3, 3:])[..., 0])
+        enough = np.bincount(track, minlength=self.count) >= UNMEASURED_TRACK
+        known = np.linalg.eigvalsh(sums)[:, 0] > (sigma / MOST_UNKNOWN) ** 2
+        points = np.full((self.count, 3), np.nan)
+        good = enough & known
+        points[good] = np.linalg.solve(sums[good], weighted[good][..., None])[..., 0]
+        return points
+
     def shared(self, rows: Rows) -> Rows:
-        """Those rows of landmarks that several keyframes see, at least one of them with depth."""
-        landmark = self.seen.landmark[rows]
-        count = np.bincount(landmark)
-        with_depth = np.bincount(landmark, np.isfinite(self.seen.inverse_depth[rows]))
-        return rows[(count[landmark] > 1) & (with_depth[landmark] > 0)]
+        """Those rows of landmarks that several keyframes see, or more if none has depth."""
+        count, with_depth = self._count(rows)
+        return rows[count >= np.where(with_depth > 0, 2, UNMEASURED_TRACK)]
 
     def long(self, rows: Rows) -> Rows:
         """Those rows of landmarks that at least `LONG_TRACK` of the rows see."""
         landmark = self.seen.landmark[rows]
         return rows[np.bincount(landmark)[landmark] >= LONG_TRACK]
+
+    def _count(self, rows: Rows) -> tuple[Rows, Rows]:
+        """How many of the rows see the landmark of each (M,), and how many of them with depth."""
+        landmark = self.seen.landmark[rows]
+        count = np.bincount(landmark)
+        with_depth = np.bincount(
+            landmark[np.isfinite(self.seen.inverse_depth[rows])], minlength=len(count)
+        )
+        return count[landmark], with_depth[landmark]

@@ -69,7 +69,7 @@ def adjust_landmarks(
     ``edges``: relative poses of keyframes, by number; where two share too few landmarks, theirs
     keeps them connected. ``prior``: see `BundleProblem`.
     """
-    bundle, rows = _initial_bundle(T_world_camera, tracks)
+    bundle, rows = _initial_bundle(T_world_camera, tracks, model)
     selection = ObservationSelection(rows, model, edges, prior, config.min_shared_landmarks)
     rms_px, sensor, fits = [], UNKNOWN_SENSOR, tuple[CameraFit, ...]()
     for k in range(config.bundle_rounds):
@@ -99,10 +99,18 @@ def adjust_landmarks(
     return AdjustedBundle(poses, covariance, landmarks, *told)
 
 
-def _initial_bundle(T_world_camera: Array, tracks: FeatureTracks) -> tuple[Bundle, Rows]:
-    """Points where the keyframes' depth has them, and the observations of those that have one."""
+def _initial_bundle(
+    T_world_camera: Array, tracks: FeatureTracks, model: SensorModel
+) -> tuple[Bundle, Rows]:
+    """Points where the keyframes' depth has them, and the observations of those that have one.
+
+    Without depth they are where rays meet.
+    """
     rows = np.flatnonzero(np.isfinite(T_world_camera[:, 0, 0])[tracks.seen.camera])
     points = tracks.points_world(T_world_camera, rows)
+    sigma = model.pixel_sigma / float(model.focal_px.mean())
+    met = tracks.met(T_world_camera, model.rays(tracks.seen), rows, sigma)
+    points = np.where(np.isfinite(points), points, met)
     rows = rows[np.isfinite(points[:, 0])[tracks.seen.landmark[rows]]]
     return Bundle(T_world_camera, points), rows
 

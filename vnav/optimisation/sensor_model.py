@@ -145,6 +145,11 @@ class SensorModel:
             values *= root.reshape(-1, *(1,) * (values.ndim - 1))
         return (*found, root)
 
+    def rays(self, seen: Observations) -> Array:
+        """Where observations look (M, 3), in their cameras; z is 1."""
+        k = self._fx_fy_cx_cy[seen.camera]
+        return np.column_stack([(seen.px - k[:, 2:]) / k[:, :2], np.ones(len(seen))])
+
     def _in_camera(self, bundle: Bundle, seen: Observations) -> Array:
         """Points (M, 3) in their cameras."""
         T = se3.inverse(bundle.T_world_camera)[seen.camera]

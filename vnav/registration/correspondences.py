@@ -12,6 +12,7 @@ from vnav.core.camera import Intrinsics
 from vnav.core.mapping import FrameFeatures
 from vnav.core.reduced_frame import ReducedFrame
 from vnav.registration.consensus import best_motion
+from vnav.registration.far_features import KNOWN, inverse_depths, points
 from vnav.registration.refinement import gauss_newton, normal_equations
 
 ImagesInBlocks = tuple[ReducedFrame, ReducedFrame]
@@ -37,8 +38,9 @@ class Reprojections:
 class Correspondences:
     """M matches: a 3D point of one frame, seen in the other as pixel and inverse depth.
 
-    The point is a's where a has depth (``forward``), else b's. ``images``: the two frames in
-    blocks, where they are at hand.
+    The point is a's where a has depth (``forward``), else b's. Where neither has (``far``), it is
+    a's, as far away as its parallax has told: all the less does it weigh along its ray. ``images``:
+    the two frames in blocks, where they are at hand.
     """
 
     def __init__(
@@ -57,15 +59,27 @@ class Correspondences:
             k.features.keypoints_px[rows] for k, rows in zip((a, b), matches.T, strict=True)
         )
         self.matches, self.images = matches, images
-        self.forward = np.isfinite(points_a[:, 2])
+        measured_a, measured_b = np.isfinite(points_a[:, 2]), np.isfinite(points_b[:, 2])
+        self.far = ~(measured_a | measured_b)
+        self.forward = measured_a | self.far
         which = self.forward[:, None]
         px, depth_m = np.where(which, px_b, px_a), np.where(which, points_b, np.nan)[:, 2:]
         self._source = np.where(which, points_a, points_b)
+        self._depth_variances = np.full(len(matches), config.depth_sigma_per_m2**2)
+        if self.far.any():
+            rows = matches[self.far, 0]
+            self._source[self.far] = points(a, rows, cameras[0])
+            self._depth_variances[self.far] = inverse_depths(a, rows)[:, 1] ** 2
         self._target = np.concatenate([px, 1 / depth_m], 1)
         self._cameras = np.array([[k.fx, k.fy, k.cx, k.cy] for k in cameras])
         self._sigmas = np.array([config.pixel_sigma_px, config.depth_sigma_per_m2])
         self._variances = np.repeat(self._sigmas, (2, 1)) ** 2
         self._points_b = points_b
+
+    @property
+    def fixes_scale(self) -> NDArray[np.bool_]:
+        """Which matches (M,) have a distance: by depth, or by parallax that was seen before."""
+        return np.asarray(~self.far | (self._depth_variances < KNOWN**2))
 
     @property
     def has_both_depths(self) -> NDArray[np.bool_]:
@@ -75,7 +89,8 @@ class Correspondences:
     @property
     def reprojected(self) -> Reprojections:
         """Those whose point is a's."""
-        points, px = self._source[self.forward], self._target[self.forward, :2]
+        of_a = self.forward & ~self.far
+        points, px = self._source[of_a], self._target[of_a, :2]
         return Reprojections(points, px, self._cameras, self._variances)
 
     def consensus(
@@ -88,12 +103,13 @@ class Correspondences:
         only b's own noise counts.
         """
         limits = np.repeat(self._sigmas, (2, 1)) * threshold_sigmas
-        row = np.cumsum(self.forward) - 1
+        of_a = self.forward & ~self.far
+        row = np.cumsum(of_a) - 1
         T_a_b: Array = best_motion(
             row[samples],
-            self._source[self.forward],
-            self._points_b[self.forward],
-            self._target[self.forward, :2],
+            self._source[of_a],
+            self._points_b[of_a],
+            self._target[of_a, :2],
             self._cameras[1],
             limits,
             confidence,
@@ -111,14 +127,16 @@ class Correspondences:
         residuals tell it. The sharper it is known, the less weighs what moves slowly, as the leg
         that somebody stands on. Information and residuals stay with the settings.
         """
-        T_a_b, _, squared = gauss_newton(T_a_b, *self._measured, self._variances)
-        T_a_b, _, _ = gauss_newton(T_a_b, *self._measured, self._variances * self._shown(squared))
-        H, _, squared = normal_equations(T_a_b, *self._measured, self._variances)
+        settings = self._variances, self._depth_variances
+        T_a_b, _, squared = gauss_newton(T_a_b, *self._measured, *settings)
+        shown = self._shown(squared)
+        T_a_b, _, _ = gauss_newton(T_a_b, *self._measured, *(shown * s for s in settings))
+        H, _, squared = normal_equations(T_a_b, *self._measured, *settings)
         return T_a_b, H, squared
 
     def _shown(self, squared: Array) -> float:
         """The variances of matches that agree, by residuals (M,), over the settings'; at most 1."""
-        agree = squared < INLIER_SIGMAS_SQUARED
+        agree = (squared < INLIER_SIGMAS_SQUARED) & ~self.far
         if not agree.any():
             return 1.0
         ratios = squared / np.where(self.has_both_depths, MEDIANS[True], MEDIANS[False])
@@ -127,7 +145,9 @@ class Correspondences:
 
     def squared(self, T_a_b: Array) -> Array:
         """Squared residuals (M,) of a motion, as `refined` gives those of the best."""
-        squared: Array = normal_equations(T_a_b, *self._measured, self._variances)[2]
+        squared: Array = normal_equations(
+            T_a_b, *self._measured, self._variances, self._depth_variances
+        )[2]
         return squared
 
     @property

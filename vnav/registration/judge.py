@@ -18,15 +18,17 @@ from numpy.typing import NDArray
 
 from vnav.config import RegistrationConfig
 from vnav.core import se3
-from vnav.core.arrays import Array, Floats
+from vnav.core.arrays import Array, Floats, Rows
 from vnav.core.camera import Intrinsics
 from vnav.core.reduced_frame import BLOCK_PX, ReducedFrame
 from vnav.registration.cell_votes import poll
+from vnav.registration.far_evidence import far_log_likelihoods, met_far
 from vnav.registration.pixel_evidence import (
     DEPTH_DELAY_SIGMA_S,
     LINE_DELAY_SIGMA_S,
     SEEN_SIGMAS,
     carried,
+    exposure,
     lateness,
     log_likelihoods,
     put_alike,
@@ -117,7 +119,7 @@ class _View:
     ``image`` (H, W, 2): inverse depth, and brightness smoothed so that it can be interpolated;
     ``spread`` (2,): their standard deviations; ``camera`` (10,): fx, fy, cx, cy, then the twist;
     ``pixels`` (N, 2), how ``late`` (N, 3) they are, their ``brightness`` and ``cells`` (N,); mean
-    ``surface`` of the cells (R, C), 0 where unknown.
+    ``surface`` of the cells (R, C), 0 where unknown; which pixels are ``far``, without depth.
     """
 
     image: Floats
@@ -129,6 +131,8 @@ class _View:
     brightness: Array
     cells: NDArray[np.int64]
     surface: Array
+    far: Rows
+    lacks_depth: bool
 
     @classmethod
     @lru_cache(MOST_VIEWS)
@@ -137,7 +141,8 @@ class _View:
         grey = cv2.GaussianBlur(np.asarray(frame.grey), (0, 0), BLUR_PX)
         image = np.stack([frame.inverse_depth, grey], -1)
         pixels, stride = _grid(frame.intrinsics, MAX_SAMPLES)
-        inverse_depth, brightness = image[pixels[:, 1], pixels[:, 0]].astype(float).T
+        u, v = pixels.T
+        inverse_depth, brightness = image[v, u].astype(float).T
         cells = _cells(frame.intrinsics)
         known = inverse_depth > 0
         spread = inverse_depth[known].std() if known.any() else 0.0
@@ -147,7 +152,9 @@ class _View:
         camera = np.array([c.fx, c.fy, c.cx, c.cy, *frame.twist])
         late, weight = lateness(image, camera, pixels), stride**2 / CORRELATED
         spreads = np.array([spread, brightness.std()])
-        return cls(image, spreads, camera, pixels, late, weight, brightness, cells, surface)
+        far = np.flatnonzero(~known if frame.masked is None else ~(known | frame.masked[v, u]))
+        asked = pixels, late, weight, brightness, cells, surface, far, frame.lacks_depth
+        return cls(image, spreads, camera, *asked)
 
 
 def _votes(
@@ -158,10 +165,20 @@ def _votes(
     place = config.pixel_sigma_px / BLOCK_PX
     sigmas = np.array([place, config.depth_sigma_per_m2, GREY_SIGMA, *delays])
     cameras, chance = np.stack([a.camera, b.camera]), np.hypot(a.spread, b.spread)
+    far = a.far if a.lacks_depth or b.lacks_depth else a.far[:0]
     told = np.zeros((len(T_b_a) + 1, len(a.pixels)))
     for k, T in enumerate(T_b_a):
-        met = carried(np.ascontiguousarray(T), a.image, b.image, cameras, a.pixels, a.late, sigmas)
-        told[k] = log_likelihoods(met, a.brightness, chance, WRONG)
+        T = np.ascontiguousarray(T)
+        met = carried(T, a.image, b.image, cameras, a.pixels, a.late, sigmas)
+        anywhere = met_far(T, b.image, cameras, a.pixels[far], sigmas)
+        seen = met.copy()
+        seen[far, 1], seen[far, 3] = anywhere[:, 0].T
+        seen[far, 5] = 0.0
+        light = exposure(seen[:, 1], seen[:, 3], seen[:, 5], a.brightness, chance[1])
+        told[k] = log_likelihoods(met, a.brightness, light, chance, WRONG)
+        told[k, far] = far_log_likelihoods(
+            anywhere, a.brightness[far], a.cells[far], light, chance[1], WRONG
+        )
     favour, variance = poll(told, a.cells, a.surface, a.weight, WRONG)
     return favour, variance
 

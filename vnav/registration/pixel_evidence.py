@@ -14,21 +14,24 @@ DEPTH_DELAY_SIGMA_S, LINE_DELAY_SIGMA_S = 0.02, 5e-5  # a frame's half; a Kinect
 
 
 @compiled
-def log_likelihoods(met: Array, brightness: Array, chance: Array, wrong: float) -> Array:
+def log_likelihoods(
+    met: Array, brightness: Array, light: tuple[float, float], chance: Array, wrong: float
+) -> Array:
     """Of pixels (N,) meeting what they met, over that of meeting any others by chance.
 
-    ``met`` (N, 6) from `carried`; ``brightness`` (N,) of the pixels; ``chance`` (2,): standard
-    deviation of what any two pixels differ by, in inverse depth and in brightness; ``wrong``: share
-    of pixels that a right motion does not explain. NaN for pixels that met nothing.
+    ``met`` (N, 6) from `carried`; ``brightness`` (N,) of the pixels; ``light``: their `exposure`;
+    ``chance`` (2,): standard deviation of what any two pixels differ by, in inverse depth and in
+    brightness; ``wrong``: share of pixels that a right motion does not explain. NaN for pixels that
+    met nothing.
     """
     told = np.full(len(met), np.nan)
-    gain, offset = _exposure(met, brightness, chance[1])
+    gain, offset = light
     for n in range(len(met)):
         if not np.isnan(met[n, 0]):
-            told[n] = _log_likelihood(met[n, 0], met[n, 2], met[n, 4], chance[0], wrong)
+            told[n] = log_likelihood(met[n, 0], met[n, 2], met[n, 4], chance[0], wrong)
         if not np.isnan(met[n, 1]):
             off = met[n, 1] - gain * brightness[n] - offset
-            told[n] += _log_likelihood(off, met[n, 3], met[n, 5], chance[1], wrong)
+            told[n] += log_likelihood(off, met[n, 3], met[n, 5], chance[1], wrong)
     return told
 
 
@@ -219,7 +222,7 @@ def _by_delays(
 
 
 @compiled
-def _log_likelihood(off: float, noise: float, late: float, chance: float, wrong: float) -> float:
+def log_likelihood(off: float, noise: float, late: float, chance: float, wrong: float) -> float:
     """Of one residual over that of chance; no less than if it were wrong.
 
     ``late`` by unknown delays explains a residual, and makes none less likely that needs no
@@ -232,22 +235,26 @@ def _log_likelihood(off: float, noise: float, late: float, chance: float, wrong:
 
 
 @compiled
-def _exposure(met: Array, brightness: Array, chance: float) -> tuple[float, float]:
+def exposure(
+    met: Array, noise: Array, late: Array, brightness: Array, chance: float
+) -> tuple[float, float]:
     """Gain and offset from a's brightness to b's, by mean and deviation of what both have seen.
 
-    A wrong motion leaves these as they are. Equal exposure where the images show no contrast.
+    ``met`` (N,): b's brightness, with its standard deviations by ``noise`` and by delays, where
+    a's ``brightness`` is; NaN for none. A wrong motion leaves both as they are. Equal exposure
+    where the images show no contrast.
     """
     gain, offset = 1.0, 0.0
     for k in range(EXPOSURE_ROUNDS):
         count, sums, squares = 0.0, np.zeros(2), np.zeros(2)
         for n in range(len(met)):
-            if np.isnan(met[n, 1]):
+            if np.isnan(met[n]):
                 continue
-            off = met[n, 1] - gain * brightness[n] - offset
-            sigma = np.hypot(met[n, 3], met[n, 5]) if k else chance
+            off = met[n] - gain * brightness[n] - offset
+            sigma = np.hypot(noise[n], late[n]) if k else chance
             weight = 1 / (1 + (off / (CAUCHY_SIGMAS * sigma)) ** 2)
             count += weight
-            for i, value in ((0, brightness[n]), (1, met[n, 1])):
+            for i, value in ((0, brightness[n]), (1, met[n])):
                 sums[i] += weight * value
                 squares[i] += weight * value * value
         if count > 0:

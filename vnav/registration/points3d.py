@@ -15,6 +15,7 @@ from vnav.core.frame import Features, PoseEstimate, Rejected
 from vnav.core.mapping import FrameFeatures
 from vnav.registration.correspondences import Correspondences, ImagesInBlocks
 from vnav.registration.estimators import estimator
+from vnav.registration.far_features import RADIUS_PX, count_without_depth, points
 
 TWINS_SOUGHT = 64  # of the matches that agree, evenly spread over them
 FITTING_SIGMAS = 6.0  # that a match may be off a pose that is predicted, and not measured
@@ -64,7 +65,7 @@ class PointRegistration:
         found = self.hypotheses(a, b, rng, predicted, 1)
         if isinstance(found, Rejected):
             return found
-        return max(found, key=lambda estimate: len(estimate.inliers))
+        return max(found, key=lambda estimate: estimate.agreeing)
 
     def hypotheses(
         self,
@@ -135,8 +136,26 @@ class PointRegistration:
         """Rows (M, 2) of a's and b's features that match close to where a motion puts one's point.
 
         Points of a are sought in b; where ``one_sided_depth``, those of b that are left are sought
-        in a, among the features that have no depth. Only the ``strongest`` are sought, or all.
+        in a, among the features that have no depth. Where few have any, so are those without it.
+        Only the ``strongest`` are sought, or all.
         """
+        found = self._match_guided(a, b, T_a_b, radius_px, strongest)
+        if not count_without_depth(a, b):
+            return found
+        in_b = self._projected_far(a, T_a_b, strongest)
+        far = self.matcher.match_guided(a.features, b.features, in_b, max(radius_px, RADIUS_PX))
+        rest = ~(b.has_depth[far[:, 1]] | np.isin(far, found).any(1))
+        return np.concatenate([found, far[rest]])
+
+    def _match_guided(
+        self,
+        a: FrameFeatures,
+        b: FrameFeatures,
+        T_a_b: Array,
+        radius_px: float,
+        strongest: int | None,
+    ) -> NDArray[np.int32]:
+        """Those that have depth in a or, where ``one_sided_depth``, in b."""
         in_b = _projected(a, T_a_b, self.camera_b, strongest)
         found = self.matcher.match_guided(a.features, b.features, in_b, radius_px)
         if not self.config.one_sided_depth:
@@ -145,6 +164,14 @@ class PointRegistration:
         back = self.matcher.match_guided(b.features, a.features, in_a, radius_px)[:, ::-1]
         only_b = ~a.has_depth[back[:, 0]] & ~np.isin(back[:, 1], found[:, 1])
         return np.concatenate([found, back[only_b]])
+
+    def _projected_far(self, a: FrameFeatures, T_a_b: Array, strongest: int | None) -> Array:
+        """Where b sees a's strongest features without depth: pixels (N, 2), NaN for all others."""
+        predicted_px = np.full((len(a.features), 2), np.nan)
+        rows = np.flatnonzero(~a.has_depth)[:strongest]
+        points_b = se3.transform(se3.inverse(T_a_b), points(a, rows, self.camera_a))
+        predicted_px[rows] = self.camera_b.project(points_b)
+        return predicted_px
 
     def _refined(
         self,
@@ -161,7 +188,8 @@ class PointRegistration:
 
     def _is_sure(self, guided: PoseEstimate, a: FrameFeatures, b: FrameFeatures) -> bool:
         """Whether nearly all matches agree, and nearly all have no twin elsewhere in b's image."""
-        enough, inliers = self.config.search_min_inlier_share, guided.inliers
+        enough = self.config.search_min_inlier_share
+        inliers = np.concatenate([guided.inliers, guided.far])
         if guided.inlier_share < enough:
             return False
         asked = inliers[:: ceil(len(inliers) / TWINS_SOUGHT)]
@@ -179,22 +207,31 @@ class PointRegistration:
         predicted: Array | None,
         count: int,
     ) -> list[PoseEstimate] | Rejected:
-        """By matches near the predicted places of the strongest features."""
+        """By matches near the predicted places of the strongest features.
+
+        Few with depth may agree on no motion where, with those without it, they bear out the
+        predicted one.
+        """
         if predicted is None:
             return Rejected("no prediction")
         radius_px, strongest = self.config.search_radius_px, self.config.search_features
         matches = self.match_guided(a, b, predicted, radius_px, strongest)
-        return self._motions(a, b, matches, rng, count)
+        found = self._motions(a, b, matches, rng, count)
+        if isinstance(found, Rejected) and count_without_depth(a, b):
+            near = self.register_near(a, b, predicted)
+            return near if isinstance(near, Rejected) else [near]
+        return found
 
     def _unguided(
         self, a: FrameFeatures, b: FrameFeatures, rng: np.random.Generator, count: int
     ) -> list[PoseEstimate] | Rejected:
         """By matches over the whole image."""
         matches = self.matcher.match(a.features, b.features)
-        has_depth = a.has_depth[matches[:, 0]]
-        if self.config.one_sided_depth:
-            has_depth |= b.has_depth[matches[:, 1]]
-        return self._motions(a, b, matches[has_depth], rng, count)
+        of_a, of_b = a.has_depth[matches[:, 0]], b.has_depth[matches[:, 1]]
+        asked = of_a | of_b if self.config.one_sided_depth else of_a
+        if count_without_depth(a, b):
+            asked = asked | ~(of_a | of_b)
+        return self._motions(a, b, matches[asked], rng, count)
 
     def _motions(
         self,
@@ -215,14 +252,15 @@ class PointRegistration:
                 rejected = estimate
                 break
             found.append(estimate)
-            matches = matches[~np.isin(matches[:, 0], estimate.inliers[:, 0])]
+            taken = np.concatenate([estimate.inliers[:, 0], estimate.far[:, 0]])
+            matches = matches[~np.isin(matches[:, 0], taken)]
         return found or rejected
 
     def _matched_again(
         self, estimate: PoseEstimate, a: FrameFeatures, b: FrameFeatures
     ) -> PoseEstimate:
         """The estimate from all matches close to where the motion puts them, if those are more."""
-        refined = self.register_near(a, b, estimate.T_a_b, len(estimate.inliers) + 1)
+        refined = self.register_near(a, b, estimate.T_a_b, estimate.agreeing + 1)
         return refined if isinstance(refined, PoseEstimate) else estimate
 
     def _correspondences(

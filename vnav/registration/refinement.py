@@ -20,21 +20,24 @@ def gauss_newton(
     forward: NDArray[np.bool_],
     cameras: Array,
     variances: Array,
+    depth_variances: Array,
 ) -> tuple[Array, Array, Array]:
     """The refined ``T_a_b``, with the normal matrix (6, 6) and squared residuals (M,) there.
 
     ``source`` (M, 3): points in the camera a (forward) or b; ``target`` (M, 3): pixel and inverse
     depth, NaN where there is none, in the other; ``cameras`` (2, 4): fx, fy, cx, cy of a and of b;
-    ``variances`` (3,) of pixel and inverse depth.
+    ``variances`` (3,) of pixel and inverse depth, ``depth_variances`` (M,) of the source's.
     """
     T = T_a_b.copy()
     for _ in range(ITERATIONS):
-        H, g, _ = normal_equations(T, source, target, forward, cameras, variances)
+        H, g, _ = normal_equations(T, source, target, forward, cameras, variances, depth_variances)
         step = -np.linalg.solve(H + 1e-9 * (1 + np.trace(H)) * np.eye(6), g)
         T = T @ exp(step)
         if np.abs(step).max() < CONVERGED:
             break
-    H, g, squared = normal_equations(T, source, target, forward, cameras, variances)
+    H, g, squared = normal_equations(
+        T, source, target, forward, cameras, variances, depth_variances
+    )
     return T, H, squared
 
 
@@ -46,6 +49,7 @@ def normal_equations(
     forward: NDArray[np.bool_],
     cameras: Array,
     variances: Array,
+    depth_variances: Array,
 ) -> tuple[Array, Array, Array]:
     """Normal matrix (6, 6), gradient (6,) and squared residuals (M,) of a motion."""
     H, g, squared = np.zeros((6, 6)), np.zeros(6), np.full(len(source), np.inf)
@@ -62,7 +66,7 @@ def normal_equations(
         e[0] = there[0] * p[0] / p[2] + there[2] - target[m, 0]
         e[1] = there[1] * p[1] / p[2] + there[3] - target[m, 1]
         e[2] = 1 / p[2] - target[m, 2]
-        carried_covariance(S, T, source[m], p, here, there, variances)
+        carried_covariance(S, T, source[m], p, here, there, variances, depth_variances[m])
         if forward[m]:
             jacobian(J, T_a_b, p, p, there, True)
         else:
@@ -82,15 +86,26 @@ def normal_equations(
 
 @compiled
 def carried_covariance(
-    S: Array, T: Array, point: Array, p: Array, here: Array, there: Array, variances: Array
+    S: Array,
+    T: Array,
+    point: Array,
+    p: Array,
+    here: Array,
+    there: Array,
+    variances: Array,
+    depth_variance: float,
 ) -> None:
-    """Covariance (3, 3) of (u, v, 1/z) there: its own, and that of the point carried over by T."""
+    """Covariance (3, 3) of (u, v, 1/z) there: its own, and that of the point carried over by T.
+
+    ``depth_variance``: of the point's own inverse depth.
+    """
     w = 1 / p[2]
     Z = point[2]
     for i in range(3):
         for j in range(3):
             S[i, j] = variances[i] if i == j else 0.0
     for n in range(3):  # u, v, 1/z here: what they do to the point there, then to its pixel
+        variance = variances[n] if n < 2 else depth_variance
         if n < 2:
             scale = Z / here[n]
             x, y, z = T[0, n] * scale, T[1, n] * scale, T[2, n] * scale
@@ -101,7 +116,7 @@ def carried_covariance(
         a = (there[0] * w * (x - p[0] * w * z), there[1] * w * (y - p[1] * w * z), -w * w * z)
         for i in range(3):
             for j in range(3):
-                S[i, j] += a[i] * variances[n] * a[j]
+                S[i, j] += a[i] * variance * a[j]
 
 
 @compiled

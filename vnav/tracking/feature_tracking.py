@@ -6,8 +6,9 @@ from dataclasses import replace
 import numpy as np
 
 from vnav.config import Config
-from vnav.core.frame import Frame
+from vnav.core.frame import Frame, PoseEstimate
 from vnav.features.description import FrameDescriber
+from vnav.registration.far_features import triangulated
 from vnav.tracking.keyframes import Keyframes
 from vnav.tracking.motion import ConstantVelocity
 from vnav.tracking.pose_choice import UNSURE, ChosenMotions, Motions, Target, TrackedFrame
@@ -21,6 +22,7 @@ class FeatureTracker:
 
     def __init__(self, config: Config, motion: ConstantVelocity) -> None:
         self._search = PoseSearch(config)
+        self._pixel_sigma_px = config.registration.pixel_sigma_px
         self._motion = motion
         self.keyframes = Keyframes(config.odometry)
         self.previous: TrackedFrame | None = None
@@ -45,12 +47,37 @@ class FeatureTracker:
         """
         return self._search.near(self._targets(self._nearest()), current, choice)
 
-    def remember(self, current: TrackedFrame, is_keyframe: bool) -> None:
-        """Make the current frame the predecessor of the next, if its features are its own."""
+    def remember(self, current: TrackedFrame, is_keyframe: bool, estimates: Motions) -> None:
+        """Make the current frame the predecessor of the next, if its features are its own.
+
+        ``estimates``: its motions from earlier frames, which tell of the features without depth.
+        """
         if not current.is_followed:
+            for row, estimate in estimates.items():
+                current = self._triangulated(row, current, estimate)
             self.previous = current
         if is_keyframe:
             self.keyframes.append(current)
+
+    def _triangulated(
+        self, row: int, current: TrackedFrame, estimate: PoseEstimate
+    ) -> TrackedFrame:
+        """The current frame with what its motion from an earlier one tells of far features.
+
+        So is the earlier one, if it is the predecessor or the last keyframe.
+        """
+        nearest = {a.features.row: a for a in self._nearest()}
+        if row not in nearest or not len(estimate.far):
+            return current
+        before = nearest[row]
+        known, cameras = before.features_for(current), (before.camera, current.camera)
+        a, b = triangulated(known, current.features, estimate, cameras, self._pixel_sigma_px)
+        told = before.knowing(a)
+        if before is self.keyframes.last:
+            self.keyframes.replace_last(told)
+        if before is self.previous:
+            self.previous = told
+        return replace(current, features=b)
 
     def _nearest(self) -> list[TrackedFrame]:
         """The predecessor and the last keyframe, as far as they are of this track."""

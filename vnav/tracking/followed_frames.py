@@ -65,7 +65,7 @@ class FollowedFrames:
             if not are_degenerate(choice.estimates):
                 return current, choice
             predecessor = described(*self._predecessor, self._describer)
-            self._features.remember(predecessor, is_keyframe=False)
+            self._features.remember(predecessor, is_keyframe=False, estimates={})
         return current, self._features.track(current)
 
     def remember(self, current: TrackedFrame, frame: Frame) -> None:

@@ -64,12 +64,12 @@ class SeenFrame:
         """The frame without the features and the depth of what moves; the same if nothing does."""
         if not self.moving.any():
             return self.frame
-        frame, image = self.frame, self.frame.image
+        frame = self.frame
         kept = self._is_static(frame.features)
         return replace(
             frame,
             features=frame.features[kept],
-            image=replace(image, inverse_depth=np.where(self.moving, 0, image.inverse_depth)),
+            image=frame.image.without(self.moving),
             followed=frame.followed and replace(frame.followed, rows=frame.followed.rows[kept]),
             coarse=frame.coarse and frame.coarse[self._is_static(frame.coarse)],
         )

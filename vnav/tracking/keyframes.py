@@ -45,6 +45,10 @@ class Keyframes:
         """Make a frame the newest keyframe."""
         self._keyframes.append(frame)
 
+    def replace_last(self, frame: TrackedFrame) -> None:
+        """The newest keyframe once more, with what is known of it by now."""
+        self._keyframes[-1] = frame
+
     def recent_and_similar(self, current: FrameFeatures) -> Iterator[TrackedFrame]:
         """Keyframes before the last, newest first, then the most similar of the rest."""
         recent = self._config.recent_keyframes

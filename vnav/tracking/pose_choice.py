@@ -70,6 +70,12 @@ class TrackedFrame:
         """What another frame's features are held against: coarse ones against coarse ones."""
         return self.coarse or self.features if other.features.is_coarse else self.features
 
+    def knowing(self, features: FrameFeatures) -> "TrackedFrame":
+        """The frame with more told of its features, all or coarse ones."""
+        if features.is_coarse and not self.features.is_coarse:
+            return replace(self, coarse=features)
+        return replace(self, features=features)
+
 
 @dataclass(frozen=True)
 class Target:
@@ -154,7 +160,7 @@ class PoseChoice:
         for estimate in estimates:
             pose = self._known(target.pose(estimate))
             known = pose.motions.get(row)
-            if known is None or len(known.inliers) < len(estimate.inliers):
+            if known is None or known.agreeing < estimate.agreeing:
                 pose.motions[row] = estimate
 
     def missing(self, target: Target) -> list[Array]:

@@ -42,7 +42,7 @@ class SecondTracker:
         likely = [e.probability for e in choice.estimates.values() or edges]
         self._motion.update(seen.row, found, max(likely, default=1.0))
         if seen.static.features.has_depth.sum() >= self._min_features:
-            self._features.remember(seen.static, seen.is_keyframe)
+            self._features.remember(seen.static, seen.is_keyframe, choice.estimates)
         self._row = seen.row
         return choice
 

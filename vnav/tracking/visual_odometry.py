@@ -75,7 +75,7 @@ class VisualOdometry:
         is_own = has_features and current.is_whole and not degenerate
         is_keyframe = is_own and self._is_keyframe(current, choice.estimates)
         if has_features:
-            self._remember(current, frame, is_keyframe)
+            self._remember(current, frame, is_keyframe, choice)
         if is_keyframe:
             self._map.add(features, frame, choice.estimates)
         self._masked.remember(features.row, is_keyframe)
@@ -150,10 +150,12 @@ class VisualOdometry:
             seen = described(seen, frame, self._describer)
         return seen, self._features.track(seen)
 
-    def _remember(self, current: TrackedFrame, frame: Frame, is_keyframe: bool) -> None:
+    def _remember(
+        self, current: TrackedFrame, frame: Frame, is_keyframe: bool, choice: ChosenMotions
+    ) -> None:
         """Hold later frames against this one, and follow its points."""
         moving = replace(current, image=current.image.moving(self._motion.twist))
-        self._features.remember(moving, is_keyframe)
+        self._features.remember(moving, is_keyframe, choice.estimates)
         if self._followed is not None:
             self._followed.remember(moving, frame)
 
@@ -203,7 +205,7 @@ class VisualOdometry:
             return True
         to_keyframe = estimates[last.features.row]
         to_previous = estimates.get(previous.features.row, to_keyframe)
-        shared = len(to_keyframe.inliers) / len(to_previous.inliers)
+        shared = to_keyframe.agreeing / to_previous.agreeing
         if current.features.is_coarse:
             shared *= COARSE_SHARE
         elif current.coarse and previous.features.is_coarse:  # which has few to be found

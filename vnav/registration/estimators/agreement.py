@@ -20,13 +20,16 @@ def agreed(
 ) -> PoseEstimate | Rejected:
     """The estimate, with those matches (M,) that agree; Rejected where these do not fix it."""
     matches, count = correspondences.matches, int(inlier.sum())
-    if count < config.min_inliers:
+    if (inlier & correspondences.fixes_scale).sum() < config.min_inliers:
         return Rejected("too few inliers", len(matches), count)
-    if count < config.min_inlier_share * len(matches):
+    far, near = inlier & correspondences.far, inlier & ~correspondences.far
+    shares = (count, len(matches)), (near.sum(), len(matches) - correspondences.far.sum())
+    if any(agree < config.min_inlier_share * asked for agree, asked in shares):
         return Rejected("too small a share of inliers", len(matches), count)
-    if _are_collinear(correspondences.points_a(T_a_b)[inlier], config):
+    points = correspondences.points_a(T_a_b)[near]
+    if far.sum() < config.min_inliers and _are_collinear(points, config):
         return Rejected("matches on a line", len(matches), count)
-    return PoseEstimate(T_a_b, information, matches[inlier], len(matches))
+    return PoseEstimate(T_a_b, information, matches[near], len(matches), far=matches[far])
 
 
 def _are_collinear(points: Array, config: RegistrationConfig) -> bool:

@@ -51,7 +51,9 @@ class PnpEstimator:
             se3.inverse(T_a_b), seen.points, seen.px, seen.cameras, seen.variances
         )
         inlier = np.zeros(len(correspondences.matches), bool)
-        inlier[np.flatnonzero(correspondences.forward)[squared < CHI_SQUARED]] = True
+        inlier[
+            np.flatnonzero(correspondences.forward & ~correspondences.far)[squared < CHI_SQUARED]
+        ] = True
         information = H[np.ix_(ROTATION_FIRST, ROTATION_FIRST)]  # T_a_b moves by minus the tangent
         T_a_b = se3.orthonormal(se3.inverse(T_b_a))
         return agreed(T_a_b, information, inlier, correspondences, self._config)
@@ -176,7 +178,7 @@ def _normal_equations(
         e[0] = px[m, 0] - there[0] * p[0] / p[2] - there[2]
         e[1] = px[m, 1] - there[1] * p[1] / p[2] - there[3]
         reprojection_jacobian(J, p, there)
-        carried_covariance(S, T, points[m], p, cameras[0], there, variances)
+        carried_covariance(S, T, points[m], p, cameras[0], there, variances, variances[2])
         whiten(S, e, J, 2)
         squared[m] = e[0] * e[0] + e[1] * e[1]
         if not used[m]:
