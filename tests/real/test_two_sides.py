@@ -1,4 +1,4 @@
-"""Every third frame of house: its rooms are seen from two sides, which no feature joins."""
+"""Every third frame of house: its rooms are seen from two sides, which few features join."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -9,14 +9,13 @@ import vnav
 from vnav.config import Config
 from vnav.io.sources.open_capture import open_capture
 from vnav.io.sources.subset import Subset
-from vnav.io.store.map_folder import MapFolder
 
 pytestmark = pytest.mark.real
 
-LIMIT_M = 0.0055  # 0.0060 without surfaces, which call the map doubtful; 0.0048 by them
+LIMIT_M = 0.0055  # 0.0060 by features with depth alone, called doubtful; 0.0044 by all of them
 
 
-def test_a_walk_around_rooms_is_held_together_by_their_surfaces(
+def test_a_walk_around_rooms_is_held_together_by_few_features(
     captures: Path, tmp_path: Path, figures: Callable[[str, str, str], None]
 ) -> None:
     house = open_capture(captures / "house", Config().capture)
@@ -30,4 +29,3 @@ def test_a_walk_around_rooms_is_held_together_by_their_surfaces(
     assert score.pairs == len(sparse)
     assert ate_m < LIMIT_M
     assert info["quality"]["verdict"] == "good"
-    assert MapFolder.open(built.root).report("optimise")["values"]["surface_edges"] > 0
