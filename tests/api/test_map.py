@@ -215,7 +215,9 @@ def test_a_folder_without_a_map_is_an_error(tmp_path: Path) -> None:
         vnav.open_map(tmp_path)
 
 
-@pytest.mark.parametrize("place", [(1.0,), [1, 2, 3], ["a", "b"], np.zeros(3), None, 5])
+@pytest.mark.parametrize(
+    "place", [(1.0,), [1, 2, 3], ["a", "b"], np.zeros(3), None, 5, (0, np.nan), (np.inf, 0)]
+)
 def test_what_is_no_place_is_an_error_that_says_so(mapped: vnav.Map, place: object) -> None:
     with pytest.raises(vnav.MapError, match="expected x, y in metres of the map's world, found"):
         mapped.plan((0, 0), place)  # type: ignore[arg-type]

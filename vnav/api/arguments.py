@@ -1,6 +1,7 @@
 """What callers may write for a path, a configuration, a camera or a photo, made definite."""
 
 from collections.abc import Sequence
+from math import isfinite, nan
 from os import PathLike
 from pathlib import Path
 from typing import Any
@@ -73,7 +74,9 @@ def xy_of(source: PlaceSource) -> tuple[float, float] | None:
     try:
         x, y = map(float, source)
     except (TypeError, ValueError):
-        raise MapError(f"expected x, y in metres of the map's world, found {source!r}") from None
+        x = y = nan
+    if not (isfinite(x) and isfinite(y)):
+        raise MapError(f"expected x, y in metres of the map's world, found {source!r}")
     return x, y
 
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from vnav.core.arrays import Array, frozen
 from vnav.core.camera import Intrinsics
 
-FEW = 0.5  # share of blocks with depth, below which those without it are asked, too
+FEW = 0.5  # share with depth, of blocks or features, below which those without are asked, too
 BLOCK_PX = 4  # edge of the square of pixels that becomes one
 
 

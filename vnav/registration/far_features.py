@@ -16,8 +16,8 @@ from vnav.core.arrays import Array, Rows
 from vnav.core.camera import Intrinsics
 from vnav.core.frame import PoseEstimate
 from vnav.core.mapping import FrameFeatures
+from vnav.core.reduced_frame import FEW
 
-FEW = 0.5  # share of features with depth, below which those without it are asked, too
 RADIUS_PX = 20.0  # around where a feature is expected whose parallax is not known yet
 UNKNOWN = np.array([0.1, 10.0])  # inverse depth and standard deviation in 1/m: nothing is known
 KNOWN = 0.05  # 1/m: standard deviation, below which parallax has told an inverse depth
