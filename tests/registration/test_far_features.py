@@ -157,3 +157,16 @@ def test_a_known_parallax_holds_the_scale_where_hardly_anything_has_depth(degree
     assert isinstance(known, PoseEstimate), known
     error = se3.deviation(se3.inverse(T_b_c) @ known.T_a_b)
     assert np.linalg.norm(error[3:]) < 0.02
+
+
+def test_a_far_feature_is_matched_whatever_the_rows_of_features_with_depth() -> None:
+    """Rows of two frames name different features."""
+    rng = np.random.default_rng(8)
+    a, b = views(rng, np.eye(4), MOTION)
+    turned = b[np.arange(NEAR + FAR)[::-1]]
+    known = np.column_stack(
+        [1 / points_a(np.random.default_rng(8))[:, 2], np.full(NEAR + FAR, 0.01)]
+    )
+    told = replace(a, triangulated=known)
+    both = [PAIR.match_guided(told, k, MOTION, CONFIG.search_radius_px) for k in (b, turned)]
+    assert len(both[0]) == len(both[1]) > 0.9 * (NEAR + FAR)

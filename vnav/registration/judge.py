@@ -1,10 +1,11 @@
-"""Candidate motions between two frames, weighed by all their pixels with depth.
+"""Candidate motions between two frames, weighed by all their pixels with depth, or all.
 
 A pixel's point, carried into the other frame, should meet a surface there that looks the same. A
 point before that surface is seen through, which speaks against the motion; one behind it is hidden,
-and says nothing. What repeats or moves agrees with itself in a part of the image only, so a cell of
-the image has one vote, however many pixels it has. Source for the comparison of two hypotheses by
-how evenly parts of the data prefer one: Vuong 1989, "Likelihood ratio tests for model selection".
+and says nothing. Where few have depth, the others are asked by their brightness. What repeats or
+moves agrees with itself in a part of the image only, so a cell of the image has one vote, however
+many pixels it has. Source for the comparison of two hypotheses by how evenly parts of the data
+prefer one: Vuong 1989, "Likelihood ratio tests for model selection".
 """
 
 from collections.abc import Sequence
@@ -84,7 +85,7 @@ class PixelEvidence:
 def judge(
     a: ReducedFrame, b: ReducedFrame, candidates: Sequence[Array], config: RegistrationConfig
 ) -> PixelEvidence:
-    """The evidence of all pixels with depth of two frames on motions ``T_a_b`` between them.
+    """The evidence of the pixels of two frames on motions ``T_a_b`` between them.
 
     Both ways: a's pixels are held against b, and b's against a. No preference where nothing
     overlaps. Candidates that pixels cannot tell apart had better be one: see `are_same`. A camera
@@ -170,15 +171,13 @@ def _votes(
     for k, T in enumerate(T_b_a):
         T = np.ascontiguousarray(T)
         met = carried(T, a.image, b.image, cameras, a.pixels, a.late, sigmas)
-        anywhere = met_far(T, b.image, cameras, a.pixels[far], sigmas)
-        seen = met.copy()
-        seen[far, 1], seen[far, 3] = anywhere[:, 0].T
-        seen[far, 5] = 0.0
-        light = exposure(seen[:, 1], seen[:, 3], seen[:, 5], a.brightness, chance[1])
+        met_beyond = met_far(T, b.image, cameras, a.pixels[far], sigmas)
+        met[far, 1], met[far, 3] = met_beyond[:, 0].T  # for the exposure: as if infinitely far
+        met[far, 5] = 0.0
+        light = exposure(met[:, 1], met[:, 3], met[:, 5], a.brightness, chance[1])
         told[k] = log_likelihoods(met, a.brightness, light, chance, WRONG)
-        told[k, far] = far_log_likelihoods(
-            anywhere, a.brightness[far], a.cells[far], light, chance[1], WRONG
-        )
+        beyond = met_beyond, a.brightness[far], a.cells[far]
+        told[k, far] = far_log_likelihoods(*beyond, light, chance[1], WRONG)
     favour, variance = poll(told, a.cells, a.surface, a.weight, WRONG)
     return favour, variance
 

@@ -144,8 +144,8 @@ class PointRegistration:
             return found
         in_b = self._projected_far(a, T_a_b, strongest)
         far = self.matcher.match_guided(a.features, b.features, in_b, max(radius_px, RADIUS_PX))
-        rest = ~(b.has_depth[far[:, 1]] | np.isin(far, found).any(1))
-        return np.concatenate([found, far[rest]])
+        taken = np.isin(far[:, 0], found[:, 0]) | np.isin(far[:, 1], found[:, 1])
+        return np.concatenate([found, far[~(taken | b.has_depth[far[:, 1]])]])
 
     def _match_guided(
         self,
