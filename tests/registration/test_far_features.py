@@ -49,6 +49,23 @@ def off(estimate: PoseEstimate) -> np.ndarray:
     return np.asarray(se3.deviation(se3.inverse(MOTION) @ estimate.T_a_b))
 
 
+def by_far(T_a_b: np.ndarray) -> PoseEstimate:
+    """A motion that all far features agree on, and no other."""
+    rows = np.repeat(np.arange(NEAR, NEAR + FAR)[:, None], 2, 1).astype(np.int32)
+    return PoseEstimate(T_a_b, np.eye(6), rows[:0], FAR, far=rows)
+
+
+def told(a: FrameFeatures, b: FrameFeatures, T_a_b: np.ndarray) -> Views:
+    """Both with the parallax of that motion."""
+    return triangulated(a, b, by_far(T_a_b), (CAMERA, CAMERA), CONFIG.pixel_sigma_px)
+
+
+def with_known_depths(a: FrameFeatures, seed: int) -> FrameFeatures:
+    """The view of `points_a` of a seed, whose inverse depths parallax has told."""
+    w = 1 / points_a(np.random.default_rng(seed))[:, 2]
+    return replace(a, triangulated=np.column_stack([w, np.full(len(w), 0.01)]))
+
+
 def test_features_without_depth_tell_how_the_camera_turned() -> None:
     """They are 150 beside 30 with depth, which are all in one part of the image."""
     errors = np.zeros((2, TRIALS))
@@ -85,10 +102,7 @@ def test_without_any_depth_there_is_no_scale_and_no_motion() -> None:
 def test_a_motion_that_what_has_depth_contradicts_is_rejected() -> None:
     """Far features alone leave it open how much of a motion is a turn."""
     a, b = views(np.random.default_rng(3), np.eye(4), MOTION)
-    known = np.column_stack(
-        [1 / points_a(np.random.default_rng(3))[:, 2], np.full(len(a.features), 0.01)]
-    )
-    a = replace(a, triangulated=known)
+    a = with_known_depths(a, 3)
     apart = np.random.default_rng(0).uniform(1.2, 1.5, (len(a.features), 1))
     elsewhere = replace(a, points_camera=(a.points_camera * apart).astype(np.float32))
     rows = np.repeat(np.arange(len(a.features))[:, None], 2, 1).astype(np.int32)
@@ -106,37 +120,28 @@ def test_where_most_features_have_depth_the_others_are_not_asked() -> None:
 
 def test_inverse_depth_is_as_exact_as_parallax_tells() -> None:
     """By the true motion, within what the noise of two keypoints explains; 4 % would be 2 sigma."""
-    rng = np.random.default_rng(5)
-    a, b = views(rng, np.eye(4), MOTION)
+    a, b = views(np.random.default_rng(5), np.eye(4), MOTION)
     true_a = 1 / points_a(np.random.default_rng(5))[NEAR:, 2]
-    rows = np.repeat(np.arange(NEAR, NEAR + FAR)[:, None], 2, 1).astype(np.int32)
-    estimate = PoseEstimate(MOTION, np.eye(6), rows[:0], FAR, far=rows)
-    told = triangulated(a, b, estimate, (CAMERA, CAMERA), CONFIG.pixel_sigma_px)
-    assert told[0].triangulated is not None
-    w, sigma = told[0].triangulated[NEAR:].T
+    a, _ = told(a, b, MOTION)
+    assert a.triangulated is not None
+    w, sigma = a.triangulated[NEAR:].T
     assert np.sqrt((((w - true_a) / sigma) ** 2).mean()) == pytest.approx(1, abs=0.25)
     assert (sigma < KNOWN).mean() > 0.9
-    assert (told[0].triangulated[:NEAR, 1] > 1).all()
+    assert (a.triangulated[:NEAR, 1] > 1).all()
 
 
 def test_a_new_frame_takes_over_what_a_wider_baseline_has_told() -> None:
     """From a to b are 0.19 m, from b to c a few millimetres, which tell next to nothing."""
     T_b_c = se3.exp([0.01, 0, 0, 0.004, 0, 0])
-    rng = np.random.default_rng(6)
-    a, b, c = views(rng, np.eye(4), MOTION, MOTION @ T_b_c)
+    a, b, c = views(np.random.default_rng(6), np.eye(4), MOTION, MOTION @ T_b_c)
     true_c = 1 / se3.transform(se3.inverse(MOTION @ T_b_c), points_a(np.random.default_rng(6)))
-    rows = np.repeat(np.arange(NEAR, NEAR + FAR)[:, None], 2, 1).astype(np.int32)
-    cameras, px = (CAMERA, CAMERA), CONFIG.pixel_sigma_px
-    alone = triangulated(b, c, PoseEstimate(T_b_c, np.eye(6), rows[:0], FAR, far=rows), cameras, px)
-    wide = PoseEstimate(MOTION, np.eye(6), rows[:0], FAR, far=rows)
-    _, b = triangulated(a, b, wide, cameras, px)
-    _, told = triangulated(
-        b, c, PoseEstimate(T_b_c, np.eye(6), rows[:0], FAR, far=rows), cameras, px
-    )
-    assert alone[1].triangulated is not None
-    assert told.triangulated is not None
-    assert (alone[1].triangulated[NEAR:, 1] > KNOWN).mean() > 0.9
-    w, sigma = told.triangulated[NEAR:].T
+    _, alone = told(b, c, T_b_c)
+    _, b = told(a, b, MOTION)
+    _, c = told(b, c, T_b_c)
+    assert alone.triangulated is not None
+    assert c.triangulated is not None
+    assert (alone.triangulated[NEAR:, 1] > KNOWN).mean() > 0.9
+    w, sigma = c.triangulated[NEAR:].T
     assert (sigma < KNOWN).mean() > 0.9
     assert np.sqrt((((w - true_c[NEAR:, 2]) / sigma) ** 2).mean()) < 1.3
 
@@ -149,9 +154,7 @@ def test_a_known_parallax_holds_the_scale_where_hardly_anything_has_depth(degree
     few = np.r_[np.arange(10), np.arange(NEAR, NEAR + FAR)]
     T_b_c = turn @ MOTION
     unknown = PAIR.register_near(b[few], c[few], T_b_c)
-    rows = np.repeat(np.arange(NEAR, NEAR + FAR)[:, None], 2, 1).astype(np.int32)
-    wide = PoseEstimate(MOTION, np.eye(6), rows[:0], FAR, far=rows)
-    _, b = triangulated(a, b, wide, (CAMERA, CAMERA), CONFIG.pixel_sigma_px)
+    _, b = told(a, b, MOTION)
     known = PAIR.register_near(b[few], c[few], T_b_c)
     assert isinstance(unknown, Rejected)
     assert isinstance(known, PoseEstimate), known
@@ -161,12 +164,7 @@ def test_a_known_parallax_holds_the_scale_where_hardly_anything_has_depth(degree
 
 def test_a_far_feature_is_matched_whatever_the_rows_of_features_with_depth() -> None:
     """Rows of two frames name different features."""
-    rng = np.random.default_rng(8)
-    a, b = views(rng, np.eye(4), MOTION)
-    turned = b[np.arange(NEAR + FAR)[::-1]]
-    known = np.column_stack(
-        [1 / points_a(np.random.default_rng(8))[:, 2], np.full(NEAR + FAR, 0.01)]
-    )
-    told = replace(a, triangulated=known)
-    both = [PAIR.match_guided(told, k, MOTION, CONFIG.search_radius_px) for k in (b, turned)]
+    a, b = views(np.random.default_rng(8), np.eye(4), MOTION)
+    turned, known = b[np.arange(NEAR + FAR)[::-1]], with_known_depths(a, 8)
+    both = [PAIR.match_guided(known, k, MOTION, CONFIG.search_radius_px) for k in (b, turned)]
     assert len(both[0]) == len(both[1]) > 0.9 * (NEAR + FAR)

@@ -31,6 +31,11 @@ class ReducedFrame:
     twist: Array = field(default_factory=lambda: np.zeros(6))
     masked: NDArray[np.bool_] | None = None
 
+    def __post_init__(self) -> None:
+        shape = self.intrinsics.height, self.intrinsics.width
+        for name in ("grey", "inverse_depth"):
+            object.__setattr__(self, name, frozen(getattr(self, name), np.float32, shape))
+
     @property
     def lacks_depth(self) -> bool:
         """Whether few blocks have depth, so that those without it are asked, too."""
@@ -40,11 +45,6 @@ class ReducedFrame:
         """The same without the depth of what moves (H, W)."""
         left = np.where(masked, np.float32(0), self.inverse_depth)
         return replace(self, inverse_depth=left, masked=masked)
-
-    def __post_init__(self) -> None:
-        shape = self.intrinsics.height, self.intrinsics.width
-        for name in ("grey", "inverse_depth"):
-            object.__setattr__(self, name, frozen(getattr(self, name), np.float32, shape))
 
     def moving(self, twist: Array) -> "ReducedFrame":
         """The same, of a camera that moves by a twist."""

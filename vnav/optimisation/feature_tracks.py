@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from vnav.core.arrays import Array, Rows
 from vnav.core.mapping import FrameFeatures
 from vnav.optimisation.sensor_errors import MovingSensor, Readings, SensorErrors
-from vnav.optimisation.sensor_model import Observations
+from vnav.optimisation.sensor_model import Observations, SensorModel
 from vnav.optimisation.track_merging import merge
 
 LONG_TRACK = 4  # sightings of a landmark that tells of the sensor
@@ -98,25 +98,25 @@ class FeatureTracks:
         with np.errstate(invalid="ignore"):
             return np.stack(sums, 1) / total[:, None]
 
-    def met(self, T_world_camera: Array, rays: Array, rows: Rows, sigma: float) -> Array:
+    def met(self, T_world_camera: Array, rows: Rows, model: SensorModel) -> Array:
         """Points (L, 3) nearest to the rays of tracks without depth that enough keyframes see.
 
-        ``rays`` (F, 3): of all rows, in their cameras; ``sigma``: of their direction, in rad. NaN
-        where that leaves the distance open by more than `MOST_UNKNOWN` of itself.
+        NaN where these leave the distance open by more than `MOST_UNKNOWN` of itself.
         """
-        rows = rows[self._count(rows)[1] == 0]
-        T, track = T_world_camera[self.seen.camera[rows]], self.seen.landmark[rows]
-        toward = (T[:, :3, :3] @ rays[rows, :, None])[..., 0]
+        count, with_depth = self._count(rows)
+        rows = rows[(with_depth == 0) & (count >= UNMEASURED_TRACK)]
+        seen, points = self.seen[rows], np.full((self.count, 3), np.nan)
+        track, of_track = np.unique(seen.landmark, return_inverse=True)
+        T = T_world_camera[seen.camera]
+        toward = (T[:, :3, :3] @ model.rays(seen)[..., None])[..., 0]
         toward /= np.linalg.norm(toward, axis=1, keepdims=True)
         across = np.eye(3) - toward[:, :, None] * toward[:, None]
-        sums, weighted = np.zeros((self.count, 3, 3)), np.zeros((self.count, 3))
-        np.add.at(sums, track, across)
-        np.add.at(weighted, track, (across @ T[:, :3, 3:])[..., 0])
-        enough = np.bincount(track, minlength=self.count) >= UNMEASURED_TRACK
-        known = np.linalg.eigvalsh(sums)[:, 0] > (sigma / MOST_UNKNOWN) ** 2
-        points = np.full((self.count, 3), np.nan)
-        good = enough & known
-        points[good] = np.linalg.solve(sums[good], weighted[good][..., None])[..., 0]
+        sums, weighted = np.zeros((len(track), 3, 3)), np.zeros((len(track), 3))
+        np.add.at(sums, of_track, across)
+        np.add.at(weighted, of_track, (across @ T[:, :3, 3:])[..., 0])
+        sigma_rad = model.pixel_sigma / model.focal_px.mean()
+        known = np.linalg.eigvalsh(sums)[:, 0] > (sigma_rad / MOST_UNKNOWN) ** 2
+        points[track[known]] = np.linalg.solve(sums[known], weighted[known][..., None])[..., 0]
         return points
 
     def shared(self, rows: Rows) -> Rows:

@@ -108,9 +108,7 @@ def _initial_bundle(
     """
     rows = np.flatnonzero(np.isfinite(T_world_camera[:, 0, 0])[tracks.seen.camera])
     points = tracks.points_world(T_world_camera, rows)
-    sigma = model.pixel_sigma / float(model.focal_px.mean())
-    met = tracks.met(T_world_camera, model.rays(tracks.seen), rows, sigma)
-    points = np.where(np.isfinite(points), points, met)
+    points = np.where(np.isfinite(points), points, tracks.met(T_world_camera, rows, model))
     rows = rows[np.isfinite(points[:, 0])[tracks.seen.landmark[rows]]]
     return Bundle(T_world_camera, points), rows
 

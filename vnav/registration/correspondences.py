@@ -38,9 +38,9 @@ class Reprojections:
 class Correspondences:
     """M matches: a 3D point of one frame, seen in the other as pixel and inverse depth.
 
-    The point is a's where a has depth (``forward``), else b's. Where neither has (``far``), it is
-    a's, as far away as its parallax has told: all the less does it weigh along its ray. ``images``:
-    the two frames in blocks, where they are at hand.
+    The point is a's where a has depth (``of_a``), else b's. Where neither has (``far``), it is a's,
+    as far away as its parallax has told: all the less does it weigh along its ray. ``forward``: it
+    is a's either way. ``images``: the two frames in blocks, where they are at hand.
     """
 
     def __init__(
@@ -59,9 +59,9 @@ class Correspondences:
             k.features.keypoints_px[rows] for k, rows in zip((a, b), matches.T, strict=True)
         )
         self.matches, self.images = matches, images
-        measured_a, measured_b = np.isfinite(points_a[:, 2]), np.isfinite(points_b[:, 2])
-        self.far = ~(measured_a | measured_b)
-        self.forward = measured_a | self.far
+        self.of_a = np.isfinite(points_a[:, 2])
+        self.far = ~(self.of_a | np.isfinite(points_b[:, 2]))
+        self.forward = self.of_a | self.far
         which = self.forward[:, None]
         px, depth_m = np.where(which, px_b, px_a), np.where(which, points_b, np.nan)[:, 2:]
         self._source = np.where(which, points_a, points_b)
@@ -89,8 +89,7 @@ class Correspondences:
     @property
     def reprojected(self) -> Reprojections:
         """Those whose point is a's."""
-        of_a = self.forward & ~self.far
-        points, px = self._source[of_a], self._target[of_a, :2]
+        points, px = self._source[self.of_a], self._target[self.of_a, :2]
         return Reprojections(points, px, self._cameras, self._variances)
 
     def consensus(
@@ -103,13 +102,12 @@ class Correspondences:
         only b's own noise counts.
         """
         limits = np.repeat(self._sigmas, (2, 1)) * threshold_sigmas
-        of_a = self.forward & ~self.far
-        row = np.cumsum(of_a) - 1
+        row = np.cumsum(self.of_a) - 1
         T_a_b: Array = best_motion(
             row[samples],
-            self._source[of_a],
-            self._points_b[of_a],
-            self._target[of_a, :2],
+            self._source[self.of_a],
+            self._points_b[self.of_a],
+            self._target[self.of_a, :2],
             self._cameras[1],
             limits,
             confidence,

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from vnav.compiled import compiled
 from vnav.core.arrays import Array, Floats
 from vnav.registration.compiled_geometry import MIN_Z_M
-from vnav.registration.pixel_evidence import log_likelihood
+from vnav.registration.pixel_evidence import bilinear, log_likelihood
 
 NEAREST = 0.5  # 1/m: what is nearer than 2 m would have depth
 APART_PX = 1.0  # along that line, from one distance to the next that is tried
@@ -111,15 +111,7 @@ def _brightness(seen: Array, image: Floats, x: float, y: float) -> bool:
     height, width = image.shape[:2]
     if not (0 <= x < width - 1 and 0 <= y < height - 1):
         return False
-    u, v = int(x), int(y)
-    for down in range(2):
-        for across in range(2):
-            if image[v + down, u + across, 0] > 0:
-                return False
-    i00, i01 = image[v, u, 1], image[v, u + 1, 1]
-    i10, i11 = image[v + 1, u, 1], image[v + 1, u + 1, 1]
-    top, low = i00 + (x - u) * (i01 - i00), i10 + (x - u) * (i11 - i10)
-    seen[0] = top + (y - v) * (low - top)
-    seen[1] = (1 - (y - v)) * (i01 - i00) + (y - v) * (i11 - i10)
-    seen[2] = low - top
+    if image[int(y) : int(y) + 2, int(x) : int(x) + 2, 0].max() > 0:
+        return False
+    bilinear(seen, image, 1, x, y)
     return True

@@ -174,7 +174,7 @@ def _votes(
         met_beyond = met_far(T, b.image, cameras, a.pixels[far], sigmas)
         met[far, 1], met[far, 3] = met_beyond[:, 0].T  # for the exposure: as if infinitely far
         met[far, 5] = 0.0
-        light = exposure(met[:, 1], met[:, 3], met[:, 5], a.brightness, chance[1])
+        light = exposure(met, a.brightness, chance[1])
         told[k] = log_likelihoods(met, a.brightness, light, chance, WRONG)
         beyond = met_beyond, a.brightness[far], a.cells[far]
         told[k, far] = far_log_likelihoods(*beyond, light, chance[1], WRONG)

@@ -150,17 +150,23 @@ def _interpolated(seen: Array, image: Floats, x: float, y: float) -> bool:
     height, width = image.shape[:2]
     if not (0 <= x < width - 1 and 0 <= y < height - 1):
         return False
-    u, v = int(x), int(y)
-    for k in range(2):
-        i00, i01 = image[v, u, k], image[v, u + 1, k]
-        i10, i11 = image[v + 1, u, k], image[v + 1, u + 1, k]
-        if k == 0 and min(i00, i01, i10, i11) <= 0:
-            return False
-        top, low = i00 + (x - u) * (i01 - i00), i10 + (x - u) * (i11 - i10)
-        seen[k, 0] = top + (y - v) * (low - top)
-        seen[k, 1] = (1 - (y - v)) * (i01 - i00) + (y - v) * (i11 - i10)
-        seen[k, 2] = low - top
+    if image[int(y) : int(y) + 2, int(x) : int(x) + 2, 0].min() <= 0:
+        return False
+    bilinear(seen[0], image, 0, x, y)
+    bilinear(seen[1], image, 1, x, y)
     return True
+
+
+@compiled
+def bilinear(seen: Array, image: Floats, channel: int, x: float, y: float) -> None:
+    """Value and gradient (3,) of a channel at a place inside of the image, in place."""
+    u, v = int(x), int(y)
+    i00, i01 = image[v, u, channel], image[v, u + 1, channel]
+    i10, i11 = image[v + 1, u, channel], image[v + 1, u + 1, channel]
+    top, low = i00 + (x - u) * (i01 - i00), i10 + (x - u) * (i11 - i10)
+    seen[0] = top + (y - v) * (low - top)
+    seen[1] = (1 - (y - v)) * (i01 - i00) + (y - v) * (i11 - i10)
+    seen[2] = low - top
 
 
 @compiled
@@ -235,26 +241,22 @@ def log_likelihood(off: float, noise: float, late: float, chance: float, wrong: 
 
 
 @compiled
-def exposure(
-    met: Array, noise: Array, late: Array, brightness: Array, chance: float
-) -> tuple[float, float]:
+def exposure(met: Array, brightness: Array, chance: float) -> tuple[float, float]:
     """Gain and offset from a's brightness to b's, by mean and deviation of what both have seen.
 
-    ``met`` (N,): b's brightness, with its standard deviations by ``noise`` and by delays, where
-    a's ``brightness`` is; NaN for none. A wrong motion leaves both as they are. Equal exposure
-    where the images show no contrast.
+    A wrong motion leaves these as they are. Equal exposure where the images show no contrast.
     """
     gain, offset = 1.0, 0.0
     for k in range(EXPOSURE_ROUNDS):
         count, sums, squares = 0.0, np.zeros(2), np.zeros(2)
         for n in range(len(met)):
-            if np.isnan(met[n]):
+            if np.isnan(met[n, 1]):
                 continue
-            off = met[n] - gain * brightness[n] - offset
-            sigma = np.hypot(noise[n], late[n]) if k else chance
+            off = met[n, 1] - gain * brightness[n] - offset
+            sigma = np.hypot(met[n, 3], met[n, 5]) if k else chance
             weight = 1 / (1 + (off / (CAUCHY_SIGMAS * sigma)) ** 2)
             count += weight
-            for i, value in ((0, brightness[n]), (1, met[n])):
+            for i, value in ((0, brightness[n]), (1, met[n, 1])):
                 sums[i] += weight * value
                 squares[i] += weight * value * value
         if count > 0:

@@ -51,9 +51,7 @@ class PnpEstimator:
             se3.inverse(T_a_b), seen.points, seen.px, seen.cameras, seen.variances
         )
         inlier = np.zeros(len(correspondences.matches), bool)
-        inlier[
-            np.flatnonzero(correspondences.forward & ~correspondences.far)[squared < CHI_SQUARED]
-        ] = True
+        inlier[np.flatnonzero(correspondences.of_a)[squared < CHI_SQUARED]] = True
         information = H[np.ix_(ROTATION_FIRST, ROTATION_FIRST)]  # T_a_b moves by minus the tangent
         T_a_b = se3.orthonormal(se3.inverse(T_b_a))
         return agreed(T_a_b, information, inlier, correspondences, self._config)
