@@ -1,5 +1,7 @@
 """Frames reduced to blocks of pixels."""
 
+import dataclasses
+
 import numpy as np
 
 from vnav.core.camera import Intrinsics
@@ -53,3 +55,14 @@ def test_a_block_with_little_depth_has_none() -> None:
 
 def test_brightness_is_a_blocks_mean() -> None:
     assert np.allclose(reduced(frame_of(np.zeros((48, 64)), 80)).grey, 80, atol=1e-3)
+
+
+def test_a_block_with_a_hidden_pixel_is_masked() -> None:
+    hidden = np.zeros((48, 64), bool)
+    hidden[9, 30] = True
+
+    small = reduced(dataclasses.replace(frame_of(np.full((48, 64), 2.0)), hidden=hidden))
+
+    assert small.masked is not None
+    assert np.argwhere(small.masked).tolist() == [[9 // BLOCK_PX, 30 // BLOCK_PX]]
+    np.testing.assert_array_equal(small.inverse_depth == 0, small.masked)

@@ -27,6 +27,9 @@ class Frame:
         (H, W) float32, z in metres, 0 where there is none; see `no_depth`.
     intrinsics
         The pinhole camera of both images, without distortion.
+    hidden
+        (H, W) bool: pixels that show nothing of the scene, as burnt-in text; they have no depth.
+        None where all show it.
     """
 
     capture: int
@@ -35,10 +38,13 @@ class Frame:
     color: NDArray[np.uint8]
     depth_m: NDArray[np.float32]
     intrinsics: Intrinsics
+    hidden: NDArray[np.bool_] | None = None
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "color", frozen(self.color, np.uint8, (None, None, 3)))
         object.__setattr__(self, "depth_m", frozen(self.depth_m, np.float32, self.color.shape[:2]))
+        if self.hidden is not None:
+            object.__setattr__(self, "hidden", frozen(self.hidden, bool, self.color.shape[:2]))
         if self.intrinsics.size != self.color.shape[1::-1] or self.intrinsics.distortion:
             raise ValueError(
                 f"expected a pinhole camera of {self.color.shape[1::-1]} pixels, found"

@@ -21,7 +21,7 @@ class ReducedFrame:
     ``grey`` (H, W) float32: a block's mean; ``inverse_depth`` (H, W) float32 in 1/m: a block's
     mean, 0 where it has too little depth or a depth edge; ``intrinsics`` of both. ``twist`` (6,) of
     the camera in its own axes, rotation first, rad/s and m/s: 0 where nothing tells. ``masked``
-    (H, W): what moves, without depth; None where nothing does.
+    (H, W): what moves, or is not of the scene, without depth; None where there is no such thing.
     """
 
     stamp_s: float
@@ -42,9 +42,10 @@ class ReducedFrame:
         return bool((self.inverse_depth > 0).mean() < FEW)
 
     def without(self, masked: NDArray[np.bool_]) -> "ReducedFrame":
-        """The same without the depth of what moves (H, W)."""
+        """The same without the depth of what moves, or is not of the scene (H, W)."""
         left = np.where(masked, np.float32(0), self.inverse_depth)
-        return replace(self, inverse_depth=left, masked=masked)
+        all_masked = masked if self.masked is None else masked | self.masked
+        return replace(self, inverse_depth=left, masked=all_masked)
 
     def moving(self, twist: Array) -> "ReducedFrame":
         """The same, of a camera that moves by a twist."""

@@ -11,6 +11,7 @@ from vnav.core.arrays import Array, Floats
 from vnav.core.descriptor_space import UNDESCRIBED
 from vnav.core.frame import Features, Frame
 from vnav.core.mapping import FrameFeatures
+from vnav.core.reduced_frame import blocks_of
 from vnav.features import front_end
 from vnav.features.lifting import lift
 
@@ -26,7 +27,7 @@ class FrameDescriber:
 
     def describe(self, row: int, frame: Frame) -> FrameFeatures:
         """The features of a frame, whose row in the frame table is given."""
-        features = self._front_end.extract(frame.color)
+        features = of_scene(self._front_end.extract(frame.color), frame)
         return FrameFeatures(row, features, points_of(features.keypoints_px, frame, self._config))
 
     def describe_coarsely(self, row: int, frame: Frame) -> FrameFeatures:
@@ -37,7 +38,7 @@ class FrameDescriber:
         least_px = self._config.features.sift.min_half_width_px
         if frame.intrinsics.width < 2 * least_px:
             return self.describe(row, frame)
-        features = doubled(self._front_end.extract(halved(frame.color)))
+        features = of_scene(doubled(self._front_end.extract(halved(frame.color))), frame)
         points = points_of(features.keypoints_px, frame, self._config)
         coarse = FrameFeatures(row, features, points, is_coarse=True)
         few = coarse.has_depth.sum() < self._config.tracking.min_points
@@ -57,6 +58,13 @@ def doubled(features: Features) -> Features:
     """Features of an image at half its size, in the pixels of the whole one."""
     px = 2 * features.keypoints_px + np.float32(0.5)  # whole pixels' centres have whole numbers
     return replace(features, keypoints_px=px, scales_px=2 * features.scales_px)
+
+
+def of_scene(features: Features, frame: Frame) -> Features:
+    """Those that do not lie on what hides the scene."""
+    if frame.hidden is None:
+        return features
+    return features[~blocks_of(frame.hidden, features.keypoints_px, frame.intrinsics.size)]
 
 
 def points_of(

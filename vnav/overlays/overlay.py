@@ -33,10 +33,10 @@ Pixels = NDArray[np.bool_]
 
 
 class WithoutOverlay(DerivedCapture):
-    """The frames of a capture, without depth where an overlay hides the scene.
+    """The frames of a capture, which an overlay hides a part of: without depth, and said so.
 
-    So nothing there has a place in the scene. Its fingerprint is that of the capture: what the
-    overlay is follows from the frames.
+    So nothing there has a place in the scene, nor a feature. Its fingerprint is that of the
+    capture: what the overlay is follows from the frames.
     """
 
     def __init__(self, capture: Capture, overlay: Pixels) -> None:
@@ -47,7 +47,8 @@ class WithoutOverlay(DerivedCapture):
         """A frame of the capture."""
         frame = super().read(index)
         overlay = self._overlay(frame.depth_m.shape)
-        return dataclasses.replace(frame, depth_m=np.where(overlay, 0, frame.depth_m))
+        depth_m = np.where(overlay, 0, frame.depth_m)
+        return dataclasses.replace(frame, depth_m=depth_m, hidden=overlay)
 
 
 def without_overlay(capture: Capture) -> tuple[Capture, float]:

@@ -6,7 +6,7 @@ from numpy.typing import NDArray
 from vnav.compiled import compiled
 from vnav.core.arrays import Floats
 from vnav.core.frame import Frame
-from vnav.core.reduced_frame import BLOCK_PX, ReducedFrame, reduced_camera
+from vnav.core.reduced_frame import BLOCK_PX, ReducedFrame, pixels_of_blocks, reduced_camera
 
 FILLED = 0.5  # share of a block's pixels that must have depth
 MAX_JUMP = 0.05  # relative spread of inverse depth within a block; more is a depth edge
@@ -18,7 +18,10 @@ def reduced(frame: Frame, block_px: int = BLOCK_PX) -> ReducedFrame:
     grey = _grey(frame.color, block_px, np.array(GREY_WEIGHTS, np.float32))
     inverse_depth = _inverse_depth(frame.depth_m, block_px)
     camera = reduced_camera(frame.intrinsics, block_px)
-    return ReducedFrame(frame.stamp_s, grey, inverse_depth, camera)
+    whole = ReducedFrame(frame.stamp_s, grey, inverse_depth, camera)
+    if frame.hidden is None:
+        return whole
+    return whole.without(pixels_of_blocks(frame.hidden, block_px).max(0) > 0)
 
 
 @compiled

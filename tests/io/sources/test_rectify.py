@@ -1,3 +1,4 @@
+import dataclasses
 from concurrent.futures import ThreadPoolExecutor
 
 import cv2
@@ -228,3 +229,14 @@ def test_beyond_the_image_there_is_no_depth_and_colour_repeats_its_border() -> N
     assert not frame.depth_m[:28].any()
     np.testing.assert_array_equal(frame.color[0], frame.color[20])
     assert (frame.depth_m > 0).mean() == pytest.approx(0.25, abs=0.02)
+
+
+def test_what_is_hidden_stays_where_it_was_seen() -> None:
+    narrow = COLOR.scaled(320, 240)
+    narrow = Intrinsics(160, 120, narrow.fx, narrow.fy, 79.5, 59.5)
+    hidden = np.zeros((120, 160), bool)
+    hidden[:60] = True
+    frame = resampled(dataclasses.replace(seen_plane(narrow), hidden=hidden), COLOR)
+    # The upper half of the narrow view, and nothing beyond it.
+    np.testing.assert_array_equal(frame.hidden[:60], frame.depth_m[:60] > 0)
+    assert not frame.hidden[60:].any()

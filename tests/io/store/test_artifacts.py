@@ -218,6 +218,28 @@ def test_what_moves_has_no_depth_nor_has_what_is_beside_it(
     np.testing.assert_array_equal(no_depth, np.kron(hidden, np.ones((4, 4))) > 0)
 
 
+def test_what_moves_and_what_is_not_of_the_scene_is_hidden_in_a_keyframe(
+    folder: MapFolder,
+) -> None:
+    camera = Intrinsics(20, 12, 9.0, 9.0, 9.5, 5.5)
+    text, moving = np.zeros((12, 20), bool), np.zeros((3, 5), bool)
+    text[0, 3:9] = moving[1, 2] = True
+    shown = Frame(0, 0, 1.0, np.zeros((12, 20, 3)), np.full((12, 20), 2.0), camera)
+
+    def write(draft: Path) -> None:
+        artifacts.save_odometry(draft, odometry())
+        artifacts.save_keyframe(draft, 0, dataclasses.replace(shown, hidden=text))
+        artifacts.save_keyframe(draft, 1, shown)
+        for row in range(2):
+            artifacts.save_keyframe_mask(draft, row, moving if row == 0 else moving[::-1] & False)
+
+    folder.set_captures([mapped(vars(camera)), mapped(vars(camera))])
+    saved(folder, "odometry", write)
+    hidden = [artifacts.load_keyframe(folder, k, odometry().frames).hidden for k in range(2)]
+    np.testing.assert_array_equal(hidden[0], text | (np.kron(moving, np.ones((4, 4))) > 0))
+    assert hidden[1] is None
+
+
 def test_a_missing_keyframe_image_is_named(folder: MapFolder) -> None:
     saved(folder, "odometry", lambda draft: artifacts.save_odometry(draft, odometry()))
     with pytest.raises(StaleArtifact, match=r"expected .*000002\.jpg as .* wrote it, found none"):

@@ -7,7 +7,7 @@ nothing was measured. Specks of depth are left out before.
 
 import dataclasses
 from functools import lru_cache
-from typing import cast
+from typing import Any, cast
 
 import cv2
 import numpy as np
@@ -38,6 +38,11 @@ def resampled(frame: Frame, intrinsics: Intrinsics) -> Frame:
         return frame
     frame_from_wanted = (own.K @ np.linalg.inv(intrinsics.K))[:2]
     linear, nearest = (how | cv2.WARP_INVERSE_MAP for how in (cv2.INTER_LINEAR, cv2.INTER_NEAREST))
+
+    def of_nearest(image: NDArray[Any]) -> NDArray[Any]:
+        warped = cv2.warpAffine(image, frame_from_wanted, intrinsics.size, flags=nearest)
+        return np.asarray(warped)
+
     color = cv2.warpAffine(
         np.asarray(frame.color),
         frame_from_wanted,
@@ -45,10 +50,11 @@ def resampled(frame: Frame, intrinsics: Intrinsics) -> Frame:
         flags=linear,
         borderMode=cv2.BORDER_REPLICATE,
     )
-    depth_m = cv2.warpAffine(
-        np.asarray(frame.depth_m), frame_from_wanted, intrinsics.size, flags=nearest
+    depth_m = of_nearest(np.asarray(frame.depth_m))
+    hidden = None if frame.hidden is None else of_nearest(frame.hidden.astype(np.uint8)) > 0
+    return dataclasses.replace(
+        frame, color=color, depth_m=depth_m, intrinsics=intrinsics, hidden=hidden
     )
-    return dataclasses.replace(frame, color=color, depth_m=depth_m, intrinsics=intrinsics)
 
 
 @lru_cache(4)  # each is some megabytes where depth is not registered

@@ -140,19 +140,23 @@ def load_descriptor_space(folder: MapFolder) -> DescriptorSpace:
 
 
 def save_keyframe(draft: Path, row: int, frame: Frame) -> None:
-    """Keep a keyframe's colour (JPEG) and depth (16-bit PNG), undistorted and registered."""
+    """Keep a keyframe's colour (JPEG) and depth (16-bit PNG), undistorted and registered.
+
+    And which pixels show nothing of the scene, where some do not.
+    """
     depth = np.rint(np.minimum(frame.depth_m * DEPTH_UNITS_PER_METRE, 65535)).astype(np.uint16)
     color = cv2.cvtColor(np.asarray(frame.color), cv2.COLOR_RGB2BGR)
     path = draft / "keyframes"
     path.mkdir(exist_ok=True)
     _write_image(path / f"{row:06d}.jpg", color, cv2.IMWRITE_JPEG_QUALITY, 92)
     _write_image(path / f"{row:06d}.png", depth, *DEPTH_PNG)
+    if frame.hidden is not None:
+        _write_flags(path / f"{row:06d}.hidden.png", frame.hidden)
 
 
 def save_keyframe_mask(draft: Path, row: int, moving: NDArray[np.bool_]) -> None:
     """Keep which blocks (h, w) of a keyframe move, beside its images."""
-    path = draft / "keyframes" / f"{row:06d}.mask.png"
-    _write_image(path, moving.astype(np.uint8) * 255, cv2.IMWRITE_PNG_BILEVEL, 1)
+    _write_flags(draft / "keyframes" / f"{row:06d}.mask.png", moving)
 
 
 def copy_keyframes(folder: MapFolder, draft: Path, first_row: int = 0) -> None:
@@ -163,6 +167,10 @@ def copy_keyframes(folder: MapFolder, draft: Path, first_row: int = 0) -> None:
             row, _, kind = Path(name).name.partition(".")
             copy = draft / "keyframes" / f"{int(row) + first_row:06d}.{kind}"
             shutil.copyfile(folder.file("odometry", name), copy)
+
+
+def _write_flags(path: Path, image: NDArray[np.bool_]) -> None:
+    _write_image(path, image.astype(np.uint8) * 255, cv2.IMWRITE_PNG_BILEVEL, 1)
 
 
 def _write_image(path: Path, image: NDArray[Any], *parameters: int) -> None:
@@ -181,13 +189,24 @@ def kept_rows(folder: MapFolder, frames: int) -> list[int]:
 def load_keyframe(folder: MapFolder, row: int, frames: FrameTable, beside_px: int = 0) -> Frame:
     """A keyframe's colour and depth by its row in the frame table; MapError where missing.
 
-    What moves has no depth, nor what is beside it; see `load_keyframe_depth`.
+    What moves is hidden and has no depth, nor has what is beside it; see `load_keyframe_depth`.
     """
     color = load_keyframe_color(folder, row)
     key = int(frames.capture[row]), int(frames.index[row])
     depth_m = load_keyframe_depth(folder, row, beside_px)
-    intrinsics = map_camera(folder, key[0])
-    return Frame(*key, float(frames.stamp_s[row]), color, depth_m, intrinsics)
+    stamp_s, camera = float(frames.stamp_s[row]), map_camera(folder, key[0])
+    return Frame(*key, stamp_s, color, depth_m, camera, _hidden(folder, row, depth_m.shape))
+
+
+def _hidden(folder: MapFolder, row: int, shape: tuple[int, ...]) -> NDArray[np.bool_] | None:
+    """Which pixels of a keyframe move or show nothing of the scene, None where none does."""
+    hidden, moving = (
+        _keyframe_flags(folder, row, "hidden.png"),
+        load_keyframe_mask(folder, row, shape),
+    )
+    if hidden is not None:
+        return hidden | moving
+    return moving if moving.any() else None
 
 
 def load_keyframe_color(folder: MapFolder, row: int) -> NDArray[np.uint8]:
@@ -213,10 +232,15 @@ def load_keyframe_depth(folder: MapFolder, row: int, beside_px: int = 0) -> NDAr
 
 def load_keyframe_mask(folder: MapFolder, row: int, shape: tuple[int, ...]) -> NDArray[np.bool_]:
     """Which pixels of a keyframe, of that height and width, move."""
-    if f"keyframes/{row:06d}.mask.png" not in folder.files("odometry"):
-        return np.zeros(shape, bool)
-    blocks = _keyframe_image(folder, row, "mask.png", cv2.IMREAD_UNCHANGED)
-    return in_pixels(blocks > 0, shape)
+    blocks = _keyframe_flags(folder, row, "mask.png")
+    return np.zeros(shape, bool) if blocks is None else in_pixels(blocks, shape)
+
+
+def _keyframe_flags(folder: MapFolder, row: int, kind: str) -> NDArray[np.bool_] | None:
+    """What `_write_flags` wrote, None where it did not."""
+    if f"keyframes/{row:06d}.{kind}" not in folder.files("odometry"):
+        return None
+    return np.asarray(_keyframe_image(folder, row, kind, cv2.IMREAD_UNCHANGED) > 0)
 
 
 def _keyframe_image(folder: MapFolder, row: int, kind: str, flags: int) -> Any:
