@@ -12,9 +12,11 @@ import pytest
 from vnav.config import Config, FeaturesConfig
 from vnav.core.mapping import CONTRADICTS
 from vnav.io.store.artifacts import (
+    load_loop_edges,
     load_loops,
     load_odometry,
     load_optimised,
+    save_loops,
     save_odometry,
     save_optimised,
     save_verdicts,
@@ -46,12 +48,32 @@ def test_a_map_that_agrees_with_itself_is_good(folder: MapFolder) -> None:
 def test_a_verdict_names_only_what_was_there_to_be_counted(folder: MapFolder) -> None:
     odometry = load_odometry(folder)
     steps, motions = len(odometry.keyframes) - 1, len(odometry.frames) - 1
-    assert agreement(0, 0, odometry) == (
+    assert agreement(0, 0, odometry, len(odometry.frames)) == (
         f"no fault in {steps} steps, {motions} motions;"
         " no place was seen twice, so drift was not checked"
     )
     alone = dataclasses.replace(odometry, keyframes=odometry.keyframes[:1], edges=())
-    assert agreement(0, 0, alone).startswith("no fault in a single frame; no place")
+    told = agreement(0, 0, alone, len(odometry.frames))
+    assert told.startswith("no fault in a single frame; no place")
+
+
+def test_a_good_map_of_some_of_the_frames_says_so(folder: MapFolder, altering: Altering) -> None:
+    poses = load_optimised(folder).T_world_camera.copy()
+    poses[: len(poses) // 2] = np.nan
+    with altering(folder, "optimise") as draft:
+        save_optimised(draft, dataclasses.replace(load_optimised(folder), T_world_camera=poses))
+    quality, of = assess(folder, CONFIG), len(poses)
+    assert quality.line.endswith(f"; only {of - of // 2} of {of} frames are in it")
+
+
+def test_edges_between_neighbours_are_no_loops(folder: MapFolder, altering: Altering) -> None:
+    near = [v for v in load_loops(folder) if v.accepted and not v.is_loop]
+    assert near
+    with altering(folder, "optimise") as draft:
+        save_verdicts(draft, near)
+    with altering(folder, "loops") as draft:
+        save_loops(draft, near, load_loop_edges(folder)[0][: len(near)], np.zeros((0, 4), np.int32))
+    assert assess(folder, CONFIG).values["loops"] == 0
 
 
 def slipped(folder: MapFolder, altering: Altering) -> None:

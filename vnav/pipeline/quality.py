@@ -75,6 +75,7 @@ def assess(folder: MapFolder, config: Config) -> Quality:
     delay_s, cameras = optimised.get("depth_delay_s", 0.0), map_cameras(folder)
     revisits = find_revisits(odometry, poses, delay_s, cameras, seen, config)
     loops, rejected = _loops(folder)
+    posed = int(np.isfinite(poses[:, 0, 0]).sum())
     against = contradicting_loops(evenly(rejected, MOST_LOOPS), poses, seen, registration)
     unborne = unborne_steps(rows, odometry.segment, poses, seen, registration)
     unsure = unsure_rows(odometry)
@@ -90,7 +91,7 @@ def assess(folder: MapFolder, config: Config) -> Quality:
     values = {
         "verdict": "doubtful" if doubts else "good",
         "doubts": list(doubts),
-        "agreement": "" if doubts else agreement(len(revisits.pairs), loops, odometry),
+        "agreement": "" if doubts else agreement(len(revisits.pairs), loops, odometry, posed),
         "revisits": len(revisits.pairs),
         "revisits_disagreeing": len(revisits.disagreeing),
         "loops": loops,
@@ -103,13 +104,15 @@ def assess(folder: MapFolder, config: Config) -> Quality:
     return Quality(doubts, values)
 
 
-def agreement(revisits: int, loops: int, odometry: Odometry) -> str:
-    """What was there to disagree, and did not."""
+def agreement(revisits: int, loops: int, odometry: Odometry, posed: int) -> str:
+    """What was there to disagree, and did not; ``posed``: frames that have a pose."""
     steps, motions = max(0, len(odometry.keyframes) - 1), len(best_into(odometry.edges))
     counts = {"revisit": revisits, "loop": loops, "step": steps, "motion": motions}
     told = [f"{n} {what}{'s' * (n > 1)}" for what, n in counts.items() if n]
     drift = "" if revisits or loops else "; no place was seen twice, so drift was not checked"
-    return f"no fault in {', '.join(told) or 'a single frame'}{drift}"
+    of = len(odometry.frames)
+    part = "" if posed == of else f"; only {posed} of {of} frames are in it"
+    return f"no fault in {', '.join(told) or 'a single frame'}{drift}{part}"
 
 
 def unsure_rows(odometry: Odometry) -> NDArray[np.intp]:
@@ -130,10 +133,11 @@ def _is_wrong(fit: CameraFit) -> NDArray[np.bool_]:
 
 
 def _loops(folder: MapFolder) -> tuple[int, list[Edge]]:
-    """How many loops were found, and those that the map turned down."""
+    """How many loops hold the map, and edges that it turned down, between neighbours too."""
     edges, _ = load_loop_edges(folder)
     found = [v for v in load_loops(folder) if v.accepted or v.reason == CONTRADICTS]
-    return len(found), list(compress(edges, (not v.accepted for v in found)))
+    kept = sum(v.accepted and v.is_loop for v in found)
+    return kept, list(compress(edges, (not v.accepted for v in found)))
 
 
 def _disagreement(revisits: Revisits, odometry: Odometry) -> str:
