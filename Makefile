@@ -26,6 +26,9 @@ CAPTURES := ../shared/captures/house ../shared/captures/redkitchen01
 DESK := ../shared/captures/fr1_desk
 SOURCES := find vnav cli configs datasets -type f ! -name '*.pyc'
 
+# Bytecode is kept, whatever the environment says: tests start hundreds of processes.
+export PYTHONDONTWRITEBYTECODE :=
+
 .PHONY: setup demo pictures docs test test-lower-bounds check lock bench bench-real attack attack-long results clean python system links
 
 setup: python system links
