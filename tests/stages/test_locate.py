@@ -19,7 +19,15 @@ from vnav.localisation.verdict.answer import UnreadablePhoto, summary
 from vnav.localisation.verdict.decision import Located, NotLocated
 from vnav.reporting import inset, overlay
 from vnav.reporting.photo_table import CSV_HEADER, photo_table
-from vnav.stages.locate import Locator, brightened, locate, locate_each, remember, scaled_down
+from vnav.stages.locate import (
+    UNDEREXPOSED,
+    Locator,
+    brightened,
+    locate,
+    locate_each,
+    remember,
+    scaled_down,
+)
 
 
 @pytest.fixture(scope="module")
@@ -338,6 +346,14 @@ def test_a_photo_that_is_bright_enough_is_left_alone() -> None:
     assert brightened(bright) is bright
     black = np.zeros((4, 4, 3), np.uint8)
     assert brightened(black) is black
+
+
+def test_a_photo_is_brightened_by_its_brightest_hundredth() -> None:
+    ramp = np.repeat(np.arange(100, dtype=np.uint8), 12).reshape(20, 20, 3)  # 98 % is below 98
+    np.testing.assert_allclose(brightened(ramp), ramp * UNDEREXPOSED / 98, atol=0.51)
+    lamp = ramp.copy()
+    lamp[0, :2] = 255  # 0.5 % of it
+    np.testing.assert_allclose(brightened(lamp)[1:], ramp[1:] * UNDEREXPOSED / 99, atol=0.51)
 
 
 def test_the_maps_own_feature_settings_are_used(folder: MapFolder, locator: Locator) -> None:

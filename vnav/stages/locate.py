@@ -49,7 +49,7 @@ log = logging.getLogger(__name__)
 
 DOUBTFUL = 0.03  # relative error of an assumed focal length that is told, if it is significant
 SIGNIFICANT = 3.0  # standard deviations
-BRIGHTEST = 99.0  # percentile of the grey levels that exposure is told by
+BRIGHTEST = 0.99  # share of the levels below the one that exposure is told by
 UNDEREXPOSED = 128.0  # a photo whose brightest parts are darker
 
 
@@ -233,7 +233,8 @@ def scaled_down(image: NDArray[np.uint8], longest_px: int) -> NDArray[np.uint8]:
 
 def brightened(image: NDArray[np.uint8]) -> NDArray[np.uint8]:
     """An underexposed photo as bright as its brightest parts allow; any other as it is."""
-    high = float(np.percentile(image, BRIGHTEST))
+    counts = cv2.calcHist([image.reshape(len(image), -1)], [0], None, [256], (0, 256)).ravel()
+    high = int(np.searchsorted(counts.cumsum(dtype=float), BRIGHTEST * image.size))
     if not 0 < high < UNDEREXPOSED:
         return image
     return np.asarray(cv2.convertScaleAbs(image, alpha=UNDEREXPOSED / high), np.uint8)
