@@ -27,7 +27,8 @@ LEVELS = (
         *("io", "features", "masking", "registration"),
         *("volumes", "vocabulary", "localisation", "planning"),
     },
-    {"core", "threads", "compiled"},
+    {"core"},
+    {"threads", "compiled"},
     {"config", "configs", "datasets"},
     {"errors", "caches", "memory"},
     {"vnav"},  # the version

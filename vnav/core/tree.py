@@ -83,32 +83,12 @@ class VocabularyTree:
         """
         if self.paths_followed > 1:
             return self._paths_to(self.nearest_leaves(descriptors, self.paths_followed)[:, 0])
-        paths = np.zeros((len(descriptors), self.levels + 1), np.int32)
-        for start in range(0, len(paths), CHUNK):
-            rows = slice(start, start + CHUNK)
-            self._descend(self.space.vectors(descriptors[rows]), paths[rows])
-        return paths
+        from vnav.compiled.descent import descend  # numba: only where a word is asked for
 
-    def _descend(
-        self,
-        descriptors: Floats,
-        paths: NDArray[np.int32],
-    ) -> None:
-        """Fill the paths of one chunk, level by level; sums over bytes and bits are exact."""
-        centres, half_norm = self._float_centres
-        slots = np.arange(self.children.max())
-        for level in range(self.levels):
-            node = paths[:, level]
-            paths[:, level + 1] = node
-            inner = np.flatnonzero(self.children[node])
-            node = node[inner]
-            absent = slots >= self.children[node, None]
-            child = np.where(absent, 0, self.first_child[node, None] + slots)
-            gain = np.matmul(centres.take(child, 0), descriptors[inner, :, None])[..., 0]
-            gain -= half_norm[child]
-            gain[absent] = -np.inf
-            best = gain.argmax(1)
-            paths[inner, level + 1] = child[np.arange(len(best)), best]
+        centres, asked = map(self.space.comparable, (self.centres, descriptors))
+        paths = np.zeros((len(asked), self.levels + 1), np.int32)
+        descend(asked, centres, self.first_child, self.children, paths)
+        return paths
 
     def nearest_leaves(self, descriptors: NDArray[Any], count: int) -> NDArray[np.int32]:
         """At most ``count`` leaves (N, count) near descriptors (N, D), the nearest first, else -1.
