@@ -230,8 +230,8 @@ def test_what_moves_and_what_is_not_of_the_scene_is_hidden_in_a_keyframe(
         artifacts.save_odometry(draft, odometry())
         artifacts.save_keyframe(draft, 0, dataclasses.replace(shown, hidden=text))
         artifacts.save_keyframe(draft, 1, shown)
-        for row in range(2):
-            artifacts.save_keyframe_mask(draft, row, moving if row == 0 else moving[::-1] & False)
+        artifacts.save_keyframe_mask(draft, 0, moving)
+        artifacts.save_keyframe_mask(draft, 1, np.zeros_like(moving))
 
     folder.set_captures([mapped(vars(camera)), mapped(vars(camera))])
     saved(folder, "odometry", write)

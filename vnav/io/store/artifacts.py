@@ -193,20 +193,12 @@ def load_keyframe(folder: MapFolder, row: int, frames: FrameTable, beside_px: in
     """
     color = load_keyframe_color(folder, row)
     key = int(frames.capture[row]), int(frames.index[row])
-    depth_m = load_keyframe_depth(folder, row, beside_px)
+    depth_m, hidden = _depth_and_moving(folder, row, beside_px)
+    not_of_scene = _keyframe_flags(folder, row, "hidden.png")
+    if not_of_scene is not None:
+        hidden |= not_of_scene
     stamp_s, camera = float(frames.stamp_s[row]), map_camera(folder, key[0])
-    return Frame(*key, stamp_s, color, depth_m, camera, _hidden(folder, row, depth_m.shape))
-
-
-def _hidden(folder: MapFolder, row: int, shape: tuple[int, ...]) -> NDArray[np.bool_] | None:
-    """Which pixels of a keyframe move or show nothing of the scene, None where none does."""
-    hidden, moving = (
-        _keyframe_flags(folder, row, "hidden.png"),
-        load_keyframe_mask(folder, row, shape),
-    )
-    if hidden is not None:
-        return hidden | moving
-    return moving if moving.any() else None
+    return Frame(*key, stamp_s, color, depth_m, camera, hidden if hidden.any() else None)
 
 
 def load_keyframe_color(folder: MapFolder, row: int) -> NDArray[np.uint8]:
@@ -221,13 +213,20 @@ def load_keyframe_depth(folder: MapFolder, row: int, beside_px: int = 0) -> NDAr
     What moves has none, nor has what is beside it, by so many pixels: nothing that is made of the
     map's depth shows it.
     """
+    return _depth_and_moving(folder, row, beside_px)[0]
+
+
+def _depth_and_moving(
+    folder: MapFolder, row: int, beside_px: int
+) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
+    """See `load_keyframe_depth` and `load_keyframe_mask`."""
     depth = _keyframe_image(folder, row, "png", cv2.IMREAD_UNCHANGED)
     depth_m = np.asarray(depth / np.float32(DEPTH_UNITS_PER_METRE))
     moving = load_keyframe_mask(folder, row, depth_m.shape)
     if moving.any():
         beside = cv2.getStructuringElement(cv2.MORPH_CROSS, (2 * beside_px + 1, 2 * beside_px + 1))
         depth_m[cv2.dilate(moving.astype(np.uint8), beside) > 0] = 0
-    return depth_m
+    return depth_m, moving
 
 
 def load_keyframe_mask(folder: MapFolder, row: int, shape: tuple[int, ...]) -> NDArray[np.bool_]:
