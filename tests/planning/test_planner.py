@@ -1,4 +1,5 @@
 import dataclasses
+import re
 
 import numpy as np
 import pytest
@@ -140,6 +141,18 @@ def test_a_goal_in_the_table_is_moved_beside_it() -> None:
     assert plan.goal.asked == goal
     assert 0.2 + CONFIG.robot_radius_m < plan.goal.moved_m <= CONFIG.tolerance_m
     assert plan.poses[-1, :2].tolist() == list(plan.goal.snapped)
+
+
+def test_a_goal_too_far_inside_the_table_names_the_tolerance_that_it_takes() -> None:
+    ends = (0.0, 0.0), (5.0, -0.5)  # 0.5 m inside the table
+    refused = plan_path(costmap(ROOMS, UNCERTAINTY_M, CONFIG), *ends)
+    assert isinstance(refused, Rejected)
+    assert "lies in an obstacle" in refused.reason
+    assert "radius" not in refused.reason
+    named = re.search(r"\(--tolerance ([0-9.]+)\)", refused.reason)
+    assert named
+    plan = _found(*ends, tolerance_m=float(named[1]))
+    assert 0 < float(named[1]) - plan.goal.moved_m <= 0.01
 
 
 def test_unknown_space_is_crossed_only_if_allowed() -> None:

@@ -1,6 +1,7 @@
 """What closes the way where there is no path, and what would open it."""
 
 import dataclasses
+import math
 from collections.abc import Callable
 
 from vnav.core.frame import Rejected
@@ -11,18 +12,22 @@ from vnav.planning.routes import snapped_route
 from vnav.planning.snapping import Point, Yaws, reachable_cells
 
 UNKNOWN_SPACE = "there is a way through unknown space (--allow-unknown)"
+FARTHER = 2.0  # times the tolerance, up to which moving start and goal is proposed
 Points = tuple[Point, Point]
 
 
 def why_not(costs: Costmap, points: Points, yaws: Yaws, reason: str) -> NoPath:
-    """The reason, and what stands in the way: zones, unknown space, or what is too narrow."""
+    """The reason, and what stands in the way: zones, unknown space, or what is too narrow.
+
+    A goal that lies a little too far inside something has a way to beside it.
+    """
 
     def is_way(other: Costmap) -> bool:
         return not isinstance(snapped_route(other, points, yaws), Rejected)
 
-    shut = _shut_by(costs, is_way)
-    if shut:
-        return NoPath(f"{reason}; {shut}")
+    opened = _shut_by(costs, is_way) or _farther(costs, points, yaws)
+    if opened:
+        return NoPath(f"{reason}; {opened}")
     allowed = costs.config.allow_unknown
     for allow, through in ((allowed, ""), (True, " through unknown space")):
         place = _narrowest(costs, points, allow)
@@ -47,6 +52,16 @@ def _shut_by(costs: Costmap, is_way: Callable[[Costmap], bool]) -> str:
     if kinds and is_way(costs.changed(Zones(), allow_unknown=True)):
         return f"{UNKNOWN_SPACE}, without {', '.join(map(repr, kinds))}"
     return ""
+
+
+def _farther(costs: Costmap, points: Points, yaws: Yaws) -> str:
+    """How far start and goal are moved where there is a way so, empty where there is none."""
+    moved = costs.changed(tolerance_m=FARTHER * costs.config.tolerance_m)
+    found = snapped_route(moved, points, yaws)
+    if isinstance(found, Rejected):
+        return ""
+    away_m = math.ceil(100 * max(end.moved_m for end in found[0])) / 100
+    return f"there is a way from and to where the robot can be (--tolerance {away_m:.2f})"
 
 
 def _smaller(costs: Costmap) -> str:
