@@ -419,3 +419,22 @@ def test_a_landmark_that_nothing_determines_changes_no_camera() -> None:
     once = without_depth(seen, of_one)[np.append(known, of_one[0])]
     expected = covariances(truth, seen[known], [], MODEL)
     np.testing.assert_allclose(covariances(truth, once, [], MODEL), expected, rtol=1e-3, atol=1e-9)
+
+
+def test_a_landmark_near_by_that_many_see_along_one_ray_changes_no_camera() -> None:
+    # 100 pixels tell where the ray goes to 0.2 mm; how far along it, to what holds it: 1 m.
+    rng = np.random.default_rng(32)
+    truth = scene(rng)
+    seen = measured(truth, rng)
+    camera = np.zeros(100, np.int32)
+    ray = Observations(
+        np.full(100, POINTS, np.int32), camera, np.full((100, 2), 240.0), np.full(100, np.nan)
+    )
+    parts = zip(vars(seen).values(), vars(ray).values(), strict=True)
+    with_ray = Observations(*map(np.concatenate, parts))
+    on_it = CAMERA.unproject(np.array([240.0, 240.0]), np.array(0.5))
+    longer = Bundle(truth.T_world_camera, np.vstack([truth.points_world, on_it]))
+    expected = covariances(truth, seen, [], MODEL)
+    np.testing.assert_allclose(
+        covariances(longer, with_ray, [], MODEL), expected, rtol=1e-3, atol=1e-9
+    )

@@ -8,7 +8,7 @@ from numpy.linalg import LinAlgError
 
 from vnav.core.arrays import Array
 from vnav.optimisation.bundle_problem import BundleProblem
-from vnav.optimisation.normal_equations import NormalEquations, Numbering
+from vnav.optimisation.normal_equations import NormalEquations, Numbering, ReducedSystem
 from vnav.optimisation.pose_terms import PoseTerms
 from vnav.optimisation.sensor_model import Bundle
 
@@ -48,8 +48,9 @@ def covariances(bundle: Bundle, problem: BundleProblem) -> Array:
     """Marginal covariance (K, 6, 6) of each camera's tangent, rotation first; NaN if unseen.
 
     Relative to the first camera, which is fixed, or to the world of the prior; that of the prior
-    itself where it is fixed. Where observations leave a pose or a point undetermined, each is held
-    by `UNKNOWN_SIGMA`, which is what a pose then has in the directions that nothing tells.
+    itself where it is fixed. Where observations leave a landmark undetermined, as a far one along
+    its ray, each is held by `UNKNOWN_SIGMA`. Where they leave a pose so, each pose is held as well,
+    and has that in the directions that nothing tells.
     """
     cameras = len(bundle.T_world_camera)
     if problem.prior and problem.prior.fixed:
@@ -58,12 +59,19 @@ def covariances(bundle: Bundle, problem: BundleProblem) -> Array:
     if not len(problem.cameras):
         return found
     normal, _ = _Search.of(problem, bundle).equations(bundle)
-    try:
-        found[problem.cameras] = normal.reduced(0.0, 0.0).covariance()
-    except LinAlgError:
-        weak = UNKNOWN_SIGMA**-2
-        found[problem.cameras] = normal.reduced(weak, weak).covariance()
+    found[problem.cameras] = _determined(normal).cameras.covariance()
     return found
+
+
+def _determined(normal: NormalEquations) -> ReducedSystem:
+    """The system with nothing held, or else landmarks, or poses as well."""
+    weak = UNKNOWN_SIGMA**-2
+    for loose in (0.0, weak):
+        with suppress(LinAlgError):
+            system = normal.reduced(0.0, loose)
+            if system.cameras.determined and (loose or system.knows_landmarks):
+                return system
+    return normal.reduced(weak, weak)
 
 
 @dataclass(frozen=True)
