@@ -82,6 +82,11 @@ def _head(values: dict[str, Any]) -> Iterator[tuple[str, str]]:
 
 
 def _world(world: dict[str, Any]) -> str:
+    side = world["up_in_images"]
+    return _found_world(world) + (f"; up is at the {side} of the images" if side != "top" else "")
+
+
+def _found_world(world: dict[str, Any]) -> str:
     if world["source"] == "floor":
         return f"z up from the floor, flat within {world['floor_rms_m'] * 1000:.0f} mm"
     if world["source"] == "given":

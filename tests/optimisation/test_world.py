@@ -58,9 +58,12 @@ def cameras(roll_deg: float = 0.0, pitch_deg: float = -15.0) -> np.ndarray:
     return T_any_room @ se3.make(rolled, [2, 2, 1.2])
 
 
-def found(seen: Surface, T_any_camera: np.ndarray) -> tuple[np.ndarray, World]:
+def found(
+    seen: Surface, T_any_camera: np.ndarray, up_in_images: str = "auto"
+) -> tuple[np.ndarray, World]:
     """``T_world_room`` and how it was found."""
-    T_world_any, world = find_world(seen, T_any_camera, np.random.default_rng(0))
+    rng = np.random.default_rng(0)
+    T_world_any, world = find_world(seen, T_any_camera, rng, up_in_images)
     assert se3.is_rigid(T_world_any)
     return T_world_any @ T_any_room, world
 
@@ -136,6 +139,48 @@ def test_a_long_wall_beside_a_camera_that_hardly_turns_is_not_the_floor() -> Non
 def test_the_ceiling_is_not_taken_for_the_floor() -> None:
     seen = surface(STRIP, CEILING, *WALLS)
     assert_on_floor(found(seen, cameras(pitch_deg=10)), strip=True)
+
+
+@pytest.mark.parametrize("roll_deg", [90, -90])
+def test_what_stands_on_the_floor_tells_it_from_the_ceiling_to_a_camera_on_its_side(
+    roll_deg: float,
+) -> None:
+    seen = surface(FLOOR, CEILING, TABLE, *WALLS)
+    assert_on_floor(found(seen, cameras(roll_deg, pitch_deg=0)))
+
+
+def test_a_camera_that_hangs_upside_down_and_looks_down_stands_on_its_floor() -> None:
+    assert_on_floor(found(surface(FLOOR, TABLE, *WALLS), cameras(roll_deg=180)))
+
+
+def test_a_ceiling_alone_is_no_floor_and_up_is_away_from_it() -> None:
+    T_world_room, world = found(surface(CEILING, *WALLS), cameras(roll_deg=4, pitch_deg=10))
+    assert world == World("structure", 0, None)
+    assert tilt_deg(T_world_room) < TILT_DEG
+
+
+@pytest.mark.parametrize("roll_deg", [0, 180])
+def test_more_on_the_ceiling_than_on_the_floor_is_told_of(roll_deg: float) -> None:
+    seen = surface(FLOOR, CEILING, TABLE, *WALLS)
+    _, world = found(seen, cameras(roll_deg, pitch_deg=0))
+    assert world.floor_less_stands == (roll_deg == 180)
+
+
+def test_a_shelf_that_is_seen_from_below_does_not_make_the_ceiling_the_floor() -> None:
+    shelf: Rectangle = ([0, 0.2, 1.8], [0, 3, 0], [0.4, 0, 0])
+    assert_on_floor(found(surface(FLOOR, CEILING, shelf, *WALLS), cameras(pitch_deg=0)))
+
+
+@pytest.mark.parametrize(("roll_deg", "side"), [(180, "bottom"), (90, "left"), (-90, "right")])
+def test_the_side_of_the_images_that_is_up_can_be_named(roll_deg: float, side: str) -> None:
+    seen = surface(FLOOR, CEILING, *WALLS)
+    assert_on_floor(found(seen, cameras(roll_deg, pitch_deg=0), side))
+
+
+def test_without_a_floor_the_named_side_is_up() -> None:
+    T_world_room, world = found(surface(*WALLS), cameras(roll_deg=180, pitch_deg=0), "bottom")
+    assert world.source == "cameras"
+    assert tilt_deg(T_world_room) < TILT_DEG
 
 
 @pytest.mark.parametrize("roll_deg", [90, -90, 25])

@@ -496,6 +496,11 @@ class OptimiseConfig(Section, path="optimise"):
     estimate_delays: bool = flag(
         True, "a delay of depth and a rolling shutter are estimated, and allowed for"
     )
+    up_in_images: str = choice(
+        "auto",
+        lambda: ("auto", "top", "bottom", "left", "right"),
+        "the side of the images that is up; auto: the top, or a side that the camera was turned to",
+    )
     given_poses: str = choice(
         "fixed",
         lambda: ("fixed", "prior"),

@@ -264,7 +264,9 @@ class World:
     "kept" where an extended map keeps the one it had; ``floor_points`` the points found on the
     floor; ``floor_rms_m`` their spread about its plane, None without a floor; ``floor_z_m``,
     ``floor_tilt_deg``: where a given or kept world has the floor that was found, below the first
-    camera, and the angle of its normal to z.
+    camera, and the angle of its normal to z; ``up_in_images``: the side of the images that is up:
+    "top", "bottom", "left" or "right"; ``floor_less_stands``: far less stands on the floor than on
+    the ceiling, if that were the floor.
     """
 
     source: str
@@ -272,6 +274,8 @@ class World:
     floor_rms_m: float | None
     floor_z_m: float | None = None
     floor_tilt_deg: float | None = None
+    up_in_images: str = "top"
+    floor_less_stands: bool = False
 
     @property
     def doubt(self) -> str:

@@ -1,5 +1,7 @@
 """The floor: the plane that much surface lies on, hardly any under, seen upright by all cameras."""
 
+from dataclasses import dataclass, replace
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -16,29 +18,90 @@ STEADY = 0.7  # length of the mean of a floor's normals in all cameras; a wall's
 UPRIGHT = 0.25  # of it across the optical axis: the cameras do not look straight down
 HYPOTHESES = 500
 COS_SAME = float(np.cos(np.deg2rad(15)))
+AUTO = "auto"
+SIDES = {"top": (0.0, -1.0), "bottom": (0.0, 1.0), "left": (-1.0, 0.0), "right": (1.0, 0.0)}
+STANDING_M = (0.15, 1.6)  # above a floor: the tops of what stands on it
+FEW_STAND = 0.002  # share of the surface, that says nothing
+FAR_MORE = 4.0  # times as much of it, that makes a warning
+UPSIDE_DOWN = 0.01  # how likely a camera is to hang that way, if a plane is seen above it and below
+ONE_PLANE = 0.3  # the same of one that sees a single plane: it hangs that way, or looks up
+
+
+@dataclass(frozen=True)
+class Floor:
+    """A floor: ``up`` (3,), its height along it in metres, and which points of a surface lie on it.
+
+    ``less_stands``: far less stands on it than on what is above, if that were the floor.
+    """
+
+    up: Array
+    height: float
+    members: NDArray[np.bool_]
+    less_stands: bool = False
 
 
 def find_floor(
-    surface: Surface, T_any_camera: Array, rng: np.random.Generator
-) -> tuple[Array, float, NDArray[np.bool_]] | None:
-    """Up, height along it, and which points lie on the floor; None where none is convincing."""
+    surface: Surface, T_any_camera: Array, rng: np.random.Generator, up_in_images: str = AUTO
+) -> Floor | None:
+    """The floor in a ``surface`` that cameras (N, 4, 4) saw; None where none is convincing.
+
+    ``up_in_images``: the side of the images that is up, rather than the optical axis. By itself it
+    is the top. What stands on a plane, as far as the images leave it open, tells it from a ceiling:
+    those of a camera that is held sideways, or one that sees a single plane.
+    """
     if not len(surface.points):
         return None
-    best, best_score = None, 0.0
-    for k in rng.integers(0, len(surface.points), HYPOTHESES):
-        score = _floor_score(surface, surface.normals[k], surface.points[k], T_any_camera)
-        if score > best_score:
-            best, best_score = int(k), score
-    if best is None:
+    drawn = rng.integers(0, len(surface.points), HYPOTHESES)
+    steady, likely = _upright(surface.normals[drawn], T_any_camera, up_in_images)
+    area = steady**4
+    area[steady > 0] *= [_area(surface, int(k), T_any_camera) for k in drawn[steady > 0]]
+    best = int((area * likely).argmax())
+    if not area[best]:
         return None
-    up, height = surface.normals[best], float(surface.points[best] @ surface.normals[best])
+    floor = _plane(surface, int(drawn[best]))
+    area[surface.normals[drawn] @ floor.up > -COS_SAME] = 0
+    ceiling = _plane(surface, int(drawn[area.argmax()])) if area.any() else None
+    if up_in_images != AUTO:
+        return floor if likely[best] > 0.5 else None
+    return _floor_of(surface, floor, ceiling, float(likely[best]))
+
+
+def _floor_of(surface: Surface, floor: Floor, ceiling: Floor | None, likely: float) -> Floor | None:
+    """Which of two planes that face each other is the floor; the first, if likely by the images."""
+    least = UPSIDE_DOWN if ceiling else ONE_PLANE
+    likely = float(np.clip(likely, least, 1 - least))
+    stands, stands_above = _standing(surface, floor), _standing(surface, ceiling)
+    if likely * stands < (1 - likely) * stands_above:
+        return ceiling
+    return replace(floor, less_stands=stands_above > FAR_MORE * stands)
+
+
+def _upright(normals: Array, T_any_camera: Array, up_in_images: str) -> tuple[Array, Array]:
+    """How steadily normals (H, 3) lie across the optical axes (H,), and towards which side is up.
+
+    Seen from a camera that turns about, the normals of walls turn and that of the floor stays:
+    the mean in camera coordinates is long. 0 is not steady at all, and the other side's share is
+    little.
+    """
+    in_camera = normals @ T_any_camera[:, :3, :3].mean(0)
+    steady = np.hypot(in_camera[:, 0], in_camera[:, 1])
+    side = SIDES["top" if up_in_images == AUTO else up_in_images]
+    likely = (1 + in_camera[:, :2] @ side / np.maximum(steady, UPRIGHT)) / 2
+    steady[(np.linalg.norm(in_camera, axis=1) < STEADY) | (steady < UPRIGHT)] = 0
+    return steady, np.maximum(likely, UPSIDE_DOWN)
+
+
+def _plane(surface: Surface, k: int) -> Floor:
+    """The plane through many points about that through one of them, seen from the same side."""
+    normal = surface.normals[k]
+    up, height = normal, float(surface.points[k] @ normal)
     for _ in range(5):
         members = _members(surface, up, height)
         centre = surface.points[members].mean(0)
         up = np.linalg.svd(surface.points[members] - centre, full_matrices=False)[2][2]
-        up = up if up @ surface.normals[best] > 0 else -up
+        up = up if up @ normal > 0 else -up
         height = float(centre @ up)
-    return up, height, _members(surface, up, height)
+    return Floor(up, height, _members(surface, up, height))
 
 
 def _members(surface: Surface, up: Array, height: float) -> NDArray[np.bool_]:
@@ -46,24 +109,24 @@ def _members(surface: Surface, up: Array, height: float) -> NDArray[np.bool_]:
     return np.asarray(near & (surface.normals @ up > COS_SAME))
 
 
-def _floor_score(surface: Surface, up: Array, point: Array, T_any_camera: Array) -> float:
-    """How much a plane is like a floor: its area, weighted by how steadily it lies below; else 0.
+def _standing(surface: Surface, plane: Floor | None) -> float:
+    """How much there is of level tops above a plane, as of what stands on a floor."""
+    if plane is None:
+        return FEW_STAND
+    above = surface.points @ plane.up - plane.height
+    within = (above > STANDING_M[0]) & (above < STANDING_M[1])
+    return FEW_STAND + float((within & (surface.normals @ plane.up > COS_SAME)).mean())
 
-    Seen from a camera that turns about, the normals of walls turn and that of the floor stays:
-    the mean of ``up`` in camera coordinates is long. It shows upwards in the image, or sideways
-    in that of a rolled camera, rather than along the optical axis.
-    """
+
+def _area(surface: Surface, k: int, T_any_camera: Array) -> float:
+    """Share of the surface that lies on the plane through a point; 0 where it is no floor."""
+    up, point = surface.normals[k], surface.points[k]
     height = float(point @ up)
     above = T_any_camera[:, :3, 3] @ up - height
-    offset = surface.points @ up - height
     if not HEIGHTS_M[0] < np.quantile(above, LOWEST) < HEIGHTS_M[1] or above.min() < 0:
         return 0.0
     support = float(_members(surface, up, height).mean())
+    offset = surface.points @ up - height
     if support < MIN_SUPPORT or (offset < -BELOW_M).mean() > MAX_BELOW:
         return 0.0
-    in_camera = (np.swapaxes(T_any_camera[:, :3, :3], 1, 2) @ up).mean(0)
-    steady = float(np.hypot(in_camera[0], in_camera[1]))
-    if np.linalg.norm(in_camera) < STEADY or steady < UPRIGHT:
-        return 0.0
-    upwards = (1 - in_camera[1] / steady) / 2
-    return float(support * steady**4 * upwards)
+    return support

@@ -31,6 +31,7 @@ def solution_report(solution: Solution, result: OptimisedMap, odometry: Odometry
             " keyframes that see one"
         )
     lines += sensor_lines(solution.adjusted.sensor)
+    lines += _up_lines(result.world.up_in_images)
     if solution.prior:
         rad, m = solution.prior.sigmas[[0, 3]]
         values |= {"given_sigma_deg": float(np.rad2deg(rad)), "given_sigma_m": float(m)}
@@ -60,6 +61,14 @@ def _values(solution: Solution, result: OptimisedMap) -> dict[str, Any]:
         "world": result.world.source,
         "floor_points": result.world.floor_points,
     }
+
+
+def _up_lines(side: str) -> list[str]:
+    """That images are not upright, where they are not."""
+    if side == "top":
+        return []
+    setting = "--set optimise.up_in_images=top"
+    return [f"up is at the {side} of the images; if it is not, name the side: {setting}"]
 
 
 def _culled(solution: Solution, odometry: Odometry) -> int:
@@ -145,4 +154,9 @@ def _warnings(solution: Solution, result: OptimisedMap, odometry: Odometry) -> l
         )
     if result.world.doubt:
         found.append(result.world.doubt)
+    if result.world.floor_less_stands:
+        found.append(
+            "more stands on the ceiling than on the floor; if the camera hangs upside down, build"
+            " the map again with --set optimise.up_in_images=bottom"
+        )
     return found

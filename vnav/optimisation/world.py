@@ -7,10 +7,11 @@ import numpy as np
 from vnav.core import se3
 from vnav.core.arrays import Array
 from vnav.core.mapping import Odometry, OptimisedMap, World
-from vnav.optimisation.floor import find_floor
+from vnav.optimisation.floor import AUTO, SIDES, find_floor
 from vnav.optimisation.solution import Solution
 from vnav.optimisation.surface import Surface
 
+CLEARLY = 0.5  # length of up in images, on average, that has a side
 UPRIGHT = 0.2  # cosine between up and the normal of a wall, at most
 LINE_M, BIN_M = 0.02, 0.005  # standard deviation of a wall about its line; edge of a bin
 SPREAD = np.exp(-((np.arange(-12, 13) * BIN_M / LINE_M) ** 2) / 2)
@@ -18,15 +19,20 @@ TURNS_DEG = ((4.0, 0.2), (0.3, 0.02))  # that are tried: as far, in such steps; 
 
 
 def place_in_world(
-    solution: Solution, odometry: Odometry, surface: Surface, rng: np.random.Generator
+    solution: Solution,
+    odometry: Odometry,
+    surface: Surface,
+    rng: np.random.Generator,
+    up_in_images: str = AUTO,
 ) -> OptimisedMap:
     """The solution in the world frame, by the ``surface`` that its keyframes saw.
 
-    Given poses keep their own world, an extended map the one it had.
+    Given poses keep their own world, an extended map the one it had; ``up_in_images`` as of
+    `find_floor`.
     """
     T_any_camera = solution.adjusted.T_world_camera
     T_any_camera = T_any_camera[np.isfinite(T_any_camera[:, 0, 0])]
-    T_floor_any, found = find_world(surface, T_any_camera, rng)
+    T_floor_any, found = find_world(surface, T_any_camera, rng, up_in_images)
     T_world_any, world = T_floor_any, found
     if odometry.given:
         T_world_any = np.eye(4)
@@ -37,17 +43,18 @@ def place_in_world(
         world = existing_world(found, T_floor_world, T_world_any @ T_any_camera[0], "kept")
     landmarks = solution.adjusted.landmarks
     points = se3.transform(T_world_any, landmarks.points_world).astype(np.float32)
+    side = _side_up(T_world_any @ T_any_camera)
     return OptimisedMap(
         T_world_any @ solution.poses,
         solution.adjusted.covariance,
         dataclasses.replace(landmarks, points_world=points),
-        world,
+        dataclasses.replace(world, up_in_images=side),
         solution.adjusted.sensor.errors.depth_delay_s,
     )
 
 
 def find_world(
-    surface: Surface, T_any_camera: Array, rng: np.random.Generator
+    surface: Surface, T_any_camera: Array, rng: np.random.Generator, up_in_images: str = AUTO
 ) -> tuple[Array, World]:
     """``T_world_any``, the transformation to the world, and how it was found.
 
@@ -55,16 +62,17 @@ def find_world(
     same way, upwards, in all images. Where no floor is seen, up is the normal of the horizontal
     structure or else the cameras' mean up, and z = 0 at the lowest points.
     """
-    floor = find_floor(surface, T_any_camera, rng)
+    floor = find_floor(surface, T_any_camera, rng, up_in_images)
     if floor is None:
-        up, source = _horizontal_structure(surface, T_any_camera)
+        side = SIDES["top" if up_in_images == AUTO else up_in_images]
+        mean = (T_any_camera[:, :3, :2] @ side).mean(0)
+        up, source = _horizontal_structure(surface, mean / max(float(np.linalg.norm(mean)), 1e-9))
         height = float(np.percentile(surface.points @ up, 0.5)) if len(surface.points) else 0.0
         return _upright_frame(up, height, surface, T_any_camera), World(source, 0, None)
-    up, height, members = floor
-    rms = float(np.sqrt(((surface.points[members] @ up - height) ** 2).mean()))
-    return _upright_frame(up, height, surface, T_any_camera), World(
-        "floor", int(members.sum()), rms
-    )
+    T_world_any = _upright_frame(floor.up, floor.height, surface, T_any_camera)
+    off = surface.points[floor.members] @ floor.up - floor.height
+    rms, less_stands = float(np.sqrt((off**2).mean())), floor.less_stands
+    return T_world_any, World("floor", len(off), rms, floor_less_stands=less_stands)
 
 
 def existing_world(found: World, T_floor_world: Array, T_world_camera: Array, source: str) -> World:
@@ -93,15 +101,25 @@ def align_to_previous(T_world_before: Array, T_any_camera: Array) -> Array:
     return se3.align(before.reshape(-1, 3), now.reshape(-1, 3))
 
 
-def _horizontal_structure(surface: Surface, T_any_camera: Array) -> tuple[Array, str]:
-    """Up from horizontal surfaces about the cameras' mean up, or that mean itself."""
-    mean = -T_any_camera[:, :3, 1].mean(0)
-    up = mean / max(float(np.linalg.norm(mean)), 1e-9)
+def _side_up(T_world_camera: Array) -> str:
+    """The side of the images that is up, by all cameras; the top where none clearly is."""
+    z_in_images = T_world_camera[:, 2, :2].mean(0)
+    up = max(SIDES, key=lambda side: float(z_in_images @ SIDES[side]))
+    return up if z_in_images @ SIDES[up] > CLEARLY else "top"
+
+
+def _horizontal_structure(surface: Surface, mean: Array) -> tuple[Array, str]:
+    """Up from horizontal surfaces about the cameras' ``mean`` up, or that mean itself.
+
+    A ceiling, and what else is seen from below, faces down.
+    """
+    up = mean
     for angle_deg in (30.0, 15.0, 10.0):
-        parallel = surface.normals @ up > np.cos(np.deg2rad(angle_deg))
-        if parallel.sum() < max(50, 0.03 * len(surface.normals)):
-            return mean / max(float(np.linalg.norm(mean)), 1e-9), "cameras"
-        up = np.median(surface.normals[parallel], axis=0)
+        along = surface.normals @ up
+        level = np.abs(along) > np.cos(np.deg2rad(angle_deg))
+        if level.sum() < max(50, 0.03 * len(along)):
+            return mean, "cameras"
+        up = np.median(surface.normals[level] * np.sign(along[level, None]), axis=0)
         up = up / np.linalg.norm(up)
     return up, "structure"
 

@@ -64,7 +64,8 @@ def run(folder: MapFolder, config: Config, *, progress: Progress = silent) -> Re
     solution = solve(odometry, closures, matches, cameras, config, progress, depth_of, look)
     surface = _keyframe_surface(depth_of, solution, odometry, cameras)
     rng = np.random.default_rng([config.seed, 2])
-    result = place_in_world(solution, odometry, surface, rng)
+    up = config.optimise.up_in_images
+    result = place_in_world(solution, odometry, surface, rng, up)
 
     with folder.writing(STAGE, settings, inputs) as draft:
         save_optimised(draft, result)

@@ -54,6 +54,16 @@ def test_frames_that_no_loop_joins_are_named(folder: MapFolder) -> None:
     assert (values["tracked"], values["posed"]) == (59, 49)
 
 
+def test_a_world_file_with_fewer_values_is_told_by_their_defaults(folder: MapFolder) -> None:
+    result = artifacts.load_optimised(folder)
+    with folder.writing("optimise", {}, folder.inputs_of("odometry", "loops")) as draft:
+        artifacts.save_optimised(draft, result)
+        (draft / "world.json").write_text(
+            '{"source": "floor", "floor_points": 9, "floor_rms_m": 0.01}'
+        )
+    assert overview(folder)["world"]["up_in_images"] == "top"
+
+
 def test_the_grid_is_measured(fused_map: Path) -> None:
     grid = overview(MapFolder(fused_map))["grid"]
     width, height = grid["size_m"]

@@ -1,5 +1,6 @@
 """What a map holds, read from its folder; stages that are missing or stale are left out."""
 
+from dataclasses import asdict
 from typing import Any
 
 import numpy as np
@@ -97,7 +98,7 @@ def _frames(folder: MapFolder, is_optimised: bool) -> dict[str, Any]:
             "posed": int(posed.sum()),
             "path_m": round(float(steps.sum()), 2),
             "landmarks": len(result.landmarks),
-            "world": vars(result.world),
+            "world": asdict(result.world),
         }
     return values | {"lost": [vars(span) for span in odometry.frames.lost_spans(reasons)]}
 
