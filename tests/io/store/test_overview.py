@@ -58,6 +58,7 @@ def test_a_world_file_with_fewer_values_is_told_by_their_defaults(folder: MapFol
     result = artifacts.load_optimised(folder)
     with folder.writing("optimise", {}, folder.inputs_of("odometry", "loops")) as draft:
         artifacts.save_optimised(draft, result)
+        artifacts.save_verdicts(draft, ())
         (draft / "world.json").write_text(
             '{"source": "floor", "floor_points": 9, "floor_rms_m": 0.01}'
         )
