@@ -82,8 +82,10 @@ def _head(values: dict[str, Any]) -> Iterator[tuple[str, str]]:
 
 
 def _world(world: dict[str, Any]) -> str:
-    side = world["up_in_images"]
-    return _found_world(world) + (f"; up is at the {side} of the images" if side != "top" else "")
+    from vnav.core.mapping import how_held
+
+    held = how_held(world["up_in_images"])
+    return f"{_found_world(world)}; {held}" if held else _found_world(world)
 
 
 def _found_world(world: dict[str, Any]) -> str:

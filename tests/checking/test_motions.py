@@ -43,24 +43,31 @@ def poses() -> np.ndarray:
     return np.stack([aside(k * STEP_M) for k in range(4)])
 
 
-ROWS, ONE_SEGMENT = np.arange(4), np.zeros(4, np.int32)
+ROWS = np.arange(4)
+STEPS = [Edge(k, k + 1, aside(STEP_M), np.eye(6)) for k in range(3)]
 
 
 def test_true_steps_are_borne_out(poses: np.ndarray) -> None:
-    assert unborne_steps(ROWS, ONE_SEGMENT, poses, unlike, CONFIG) == []
+    assert unborne_steps(ROWS, STEPS, poses, unlike, CONFIG) == []
 
 
 def test_steps_to_and_from_a_wrong_pose_are_not(poses: np.ndarray) -> None:
     poses[2] = poses[2] @ aside(0.3)
-    assert unborne_steps(ROWS, ONE_SEGMENT, poses, unlike, CONFIG) == [(1, 2), (2, 3)]
+    assert unborne_steps(ROWS, STEPS, poses, unlike, CONFIG) == [(1, 2), (2, 3)]
 
 
-def test_no_step_leads_to_another_segment_or_to_no_pose(poses: np.ndarray) -> None:
+def test_no_step_leads_on_without_a_motion_or_to_no_pose(poses: np.ndarray) -> None:
     poses[2] = poses[2] @ aside(0.3)
-    apart = np.array([0, 0, 1, 1], np.int32)
-    assert unborne_steps(ROWS, apart, poses, unlike, CONFIG) == [(2, 3)]
+    found_again = Edge(0, 2, aside(2 * STEP_M), np.eye(6))
+    cut = [STEPS[0], found_again, STEPS[2]]
+    assert unborne_steps(ROWS, cut, poses, unlike, CONFIG) == [(2, 3)]
     poses[2] = np.nan
-    assert unborne_steps(ROWS, ONE_SEGMENT, poses, unlike, CONFIG) == []
+    assert unborne_steps(ROWS, STEPS, poses, unlike, CONFIG) == []
+
+
+def test_a_step_leads_over_frames_that_are_no_keyframes(poses: np.ndarray) -> None:
+    poses[2:] = poses[2:] @ aside(0.3)
+    assert unborne_steps(ROWS[[0, 3]], STEPS, poses, unlike, CONFIG) == [(0, 3)]
 
 
 def test_a_loop_that_fits_the_images_contradicts_a_map_that_does_not(poses: np.ndarray) -> None:

@@ -13,7 +13,7 @@ from vnav.core.camera import Intrinsics
 from vnav.core.mapping import World
 from vnav.features.description import near_depth
 from vnav.optimisation.surface import Surface, sample_surface
-from vnav.optimisation.world import align_to_previous, existing_world, find_world
+from vnav.optimisation.world import align_to_previous, existing_world, find_world, side_up
 
 NOISE_M = 0.01
 HEIGHT_M, TILT_DEG = 0.003, 0.2
@@ -191,6 +191,32 @@ def test_a_camera_held_upright_finds_the_same_floor(roll_deg: float) -> None:
 @pytest.mark.parametrize("pitch_deg", [0, -35, -55])
 def test_a_camera_that_looks_down_finds_the_same_floor(pitch_deg: float) -> None:
     assert_on_floor(found(surface(FLOOR, *WALLS), cameras(pitch_deg=pitch_deg)))
+
+
+def test_a_camera_that_looks_straight_down_and_turns_about_stands_on_its_floor() -> None:
+    assert_on_floor(found(surface(FLOOR, TABLE, *WALLS), cameras(pitch_deg=-85)))
+
+
+def test_of_a_camera_that_looks_up_the_side_that_is_up_can_be_named() -> None:
+    T_world_room, world = found(surface(CEILING, *WALLS), cameras(pitch_deg=85), "ahead")
+    assert world.source == "structure"
+    assert tilt_deg(T_world_room) < TILT_DEG
+
+
+def test_a_wall_before_a_camera_that_does_not_turn_is_no_floor() -> None:
+    facing = T_any_room @ se3.make(LOOKING_AHEAD, np.linspace([1, 0.5, 1.2], [1, 3.5, 1.2], 9))
+    wall: Rectangle = ([3, 0, 0], [0, 4, 0], [0, 0, 2.5])
+    T_world_room, world = found(surface(wall), facing)
+    assert world == World("cameras", 0, None)
+    assert tilt_deg(T_world_room) < TILT_DEG
+
+
+@pytest.mark.parametrize("roll_deg", [0, 90, 180, -90])
+@pytest.mark.parametrize("pitch_deg", [0, -85])
+def test_how_the_cameras_were_held_is_told(roll_deg: float, pitch_deg: float) -> None:
+    T_room_camera = se3.inverse(T_any_room) @ cameras(roll_deg, pitch_deg)
+    side = {0: "top", 90: "left", 180: "bottom", -90: "right"}[int(roll_deg)]
+    assert side_up(T_room_camera) == ("behind" if pitch_deg else side)
 
 
 def test_reflections_below_the_floor_do_not_lower_it() -> None:

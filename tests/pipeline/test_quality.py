@@ -228,7 +228,8 @@ def test_a_distortion_that_was_left_out_is_told_of(folder: MapFolder) -> None:
 
 
 @pytest.mark.parametrize(
-    ("fitted_px", "sigma_px"), [((515.0, 310.0, 250.0), 1.0), ((500.0, 300.0, 200.0), 10.0)]
+    ("fitted_px", "sigma_px"),
+    [((515.0, 310.0, 250.0), 1.0), ((500.0, 300.0, 200.0), 10.0), ((800.0, 320.0, 240.0), 9.0)],
 )
 def test_a_camera_that_is_near_or_hardly_known_is_no_doubt(
     folder: MapFolder, fitted_px: tuple[float, ...], sigma_px: float

@@ -498,8 +498,8 @@ class OptimiseConfig(Section, path="optimise"):
     )
     up_in_images: str = choice(
         "auto",
-        lambda: ("auto", "top", "bottom", "left", "right"),
-        "the side of the images that is up; auto: the top, or a side that the camera was turned to",
+        lambda: ("auto", "top", "bottom", "left", "right", "behind", "ahead"),
+        "the side of the images that is up; behind: the camera looks down; auto: as most likely",
     )
     given_poses: str = choice(
         "fixed",

@@ -170,6 +170,11 @@ class Odometry:
         return np.array([keyframe.row for keyframe in self.keyframes], np.intp)
 
     @property
+    def motions(self) -> tuple[Edge, ...]:
+        """All edges, degenerate ones too."""
+        return (*self.edges, *self.degenerate_edges)
+
+    @property
     def taken_off(self) -> list[dict[str, Any]]:
         """As plain values, which captures' light was made even, and how bright the corners were."""
         return [
@@ -265,8 +270,8 @@ class World:
     floor; ``floor_rms_m`` their spread about its plane, None without a floor; ``floor_z_m``,
     ``floor_tilt_deg``: where a given or kept world has the floor that was found, below the first
     camera, and the angle of its normal to z; ``up_in_images``: the side of the images that is up:
-    "top", "bottom", "left" or "right"; ``floor_less_stands``: far less stands on the floor than on
-    the ceiling, if that were the floor.
+    "top", "bottom", "left", "right", "behind" or "ahead"; ``floor_less_stands``: far less stands on
+    the floor than on the ceiling, if that were the floor.
     """
 
     source: str
@@ -292,6 +297,13 @@ class World:
             f"in the {self.source} world the floor lies at z = {self.floor_z_m:.2f} m, tilted by"
             f" {self.floor_tilt_deg:.0f} deg: heights and the grid expect it at z = 0, z up"
         )
+
+
+def how_held(up_in_images: str) -> str:
+    """How cameras were held whose images have up at that side; empty if upright."""
+    if up_in_images in ("behind", "ahead"):
+        return "the camera looks " + ("down" if up_in_images == "behind" else "up")
+    return f"up is at the {up_in_images} of the images" if up_in_images != "top" else ""
 
 
 @dataclass(frozen=True)

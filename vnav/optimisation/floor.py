@@ -19,7 +19,15 @@ UPRIGHT = 0.25  # of it across the optical axis: the cameras do not look straigh
 HYPOTHESES = 500
 COS_SAME = float(np.cos(np.deg2rad(15)))
 AUTO = "auto"
-SIDES = {"top": (0.0, -1.0), "bottom": (0.0, 1.0), "left": (-1.0, 0.0), "right": (1.0, 0.0)}
+SIDES = {  # unit vectors in camera coordinates
+    "top": (0.0, -1.0, 0.0),
+    "bottom": (0.0, 1.0, 0.0),
+    "left": (-1.0, 0.0, 0.0),
+    "right": (1.0, 0.0, 0.0),
+    "behind": (0.0, 0.0, -1.0),  # the camera looks down
+    "ahead": (0.0, 0.0, 1.0),
+}
+TURNS_ABOUT = 0.5  # length of the mean of an axis that turns about another
 STANDING_M = (0.15, 1.6)  # above a floor: the tops of what stands on it
 FEW_STAND = 0.002  # share of the surface, that says nothing
 FAR_MORE = 4.0  # times as much of it, that makes a warning
@@ -45,9 +53,9 @@ def find_floor(
 ) -> Floor | None:
     """The floor in a ``surface`` that cameras (N, 4, 4) saw; None where none is convincing.
 
-    ``up_in_images``: the side of the images that is up, rather than the optical axis. By itself it
-    is the top. What stands on a plane, as far as the images leave it open, tells it from a ceiling:
-    those of a camera that is held sideways, or one that sees a single plane.
+    ``up_in_images``: the side of the images that is up. By itself it is the top, or behind a camera
+    that looks straight down and turns about. Where the images leave open which of two planes is
+    the floor, what stands on them tells: for a camera on its side, or one that sees a single plane.
     """
     if not len(surface.points):
         return None
@@ -77,18 +85,26 @@ def _floor_of(surface: Surface, floor: Floor, ceiling: Floor | None, likely: flo
 
 
 def _upright(normals: Array, T_any_camera: Array, up_in_images: str) -> tuple[Array, Array]:
-    """How steadily normals (H, 3) lie across the optical axes (H,), and towards which side is up.
+    """How steady normals (H, 3) are in the images (H,), 0 if not at all, and how likely up (H,).
 
     Seen from a camera that turns about, the normals of walls turn and that of the floor stays:
-    the mean in camera coordinates is long. 0 is not steady at all, and the other side's share is
-    little.
+    the mean in camera coordinates is long. It lies across the optical axis, unless up is along it.
     """
     in_camera = normals @ T_any_camera[:, :3, :3].mean(0)
-    steady = np.hypot(in_camera[:, 0], in_camera[:, 1])
-    side = SIDES["top" if up_in_images == AUTO else up_in_images]
-    likely = (1 + in_camera[:, :2] @ side / np.maximum(steady, UPRIGHT)) / 2
+    up = up_in_camera(T_any_camera, up_in_images)
+    seen = in_camera if up[2] else in_camera * (1, 1, 0)
+    steady = np.linalg.norm(seen, axis=1)
+    likely = (1 + seen @ up / np.maximum(steady, UPRIGHT)) / 2
     steady[(np.linalg.norm(in_camera, axis=1) < STEADY) | (steady < UPRIGHT)] = 0
     return steady, np.maximum(likely, UPSIDE_DOWN)
+
+
+def up_in_camera(T_any_camera: Array, up_in_images: str) -> Array:
+    """The side (3,) of cameras (N, 4, 4) that is up: the named one, or what is most common."""
+    if up_in_images != AUTO:
+        return np.array(SIDES[up_in_images])
+    x, y, z = np.linalg.norm(T_any_camera[:, :3, :3].mean(0), axis=0)
+    return np.array(SIDES["behind" if z > STEADY and max(x, y) < TURNS_ABOUT else "top"])
 
 
 def _plane(surface: Surface, k: int) -> Floor:

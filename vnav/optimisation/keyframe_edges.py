@@ -65,7 +65,7 @@ def _of_odometry(odometry: Odometry, pairs: Iterable[Pair]) -> dict[Pair, Edge]:
     number = {row: k for k, row in enumerate(rows)}
     edges = {}
     between = [(rows[i], rows[j]) for i, j in pairs]
-    for path in shortest_paths((*odometry.edges, *odometry.degenerate_edges), between):
+    for path in shortest_paths(odometry.motions, between):
         i, j = number[path.i], number[path.j]
         edges[i, j] = Edge(i, j, path.T_i_j, path.information / PATH_NOISE_FACTOR**2)
     return edges

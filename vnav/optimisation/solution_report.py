@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 
-from vnav.core.mapping import Odometry, OptimisedMap
+from vnav.core.mapping import Odometry, OptimisedMap, how_held
 from vnav.core.report import Report
 from vnav.optimisation.bundle_problem import PosePrior
 from vnav.optimisation.landmarks import AdjustedBundle
@@ -65,10 +65,9 @@ def _values(solution: Solution, result: OptimisedMap) -> dict[str, Any]:
 
 def _up_lines(side: str) -> list[str]:
     """That images are not upright, where they are not."""
-    if side == "top":
-        return []
+    held = how_held(side)
     setting = "--set optimise.up_in_images=top"
-    return [f"up is at the {side} of the images; if it is not, name the side: {setting}"]
+    return [f"{held}; if not so, name the side that is up: {setting}"] if held else []
 
 
 def _culled(solution: Solution, odometry: Odometry) -> int:

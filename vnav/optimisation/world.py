@@ -7,7 +7,7 @@ import numpy as np
 from vnav.core import se3
 from vnav.core.arrays import Array
 from vnav.core.mapping import Odometry, OptimisedMap, World
-from vnav.optimisation.floor import AUTO, SIDES, find_floor
+from vnav.optimisation.floor import AUTO, SIDES, find_floor, up_in_camera
 from vnav.optimisation.solution import Solution
 from vnav.optimisation.surface import Surface
 
@@ -43,7 +43,7 @@ def place_in_world(
         world = existing_world(found, T_floor_world, T_world_any @ T_any_camera[0], "kept")
     landmarks = solution.adjusted.landmarks
     points = se3.transform(T_world_any, landmarks.points_world).astype(np.float32)
-    side = _side_up(T_world_any @ T_any_camera)
+    side = side_up(T_world_any @ T_any_camera)
     return OptimisedMap(
         T_world_any @ solution.poses,
         solution.adjusted.covariance,
@@ -64,8 +64,7 @@ def find_world(
     """
     floor = find_floor(surface, T_any_camera, rng, up_in_images)
     if floor is None:
-        side = SIDES["top" if up_in_images == AUTO else up_in_images]
-        mean = (T_any_camera[:, :3, :2] @ side).mean(0)
+        mean = T_any_camera[:, :3, :3].mean(0) @ up_in_camera(T_any_camera, up_in_images)
         up, source = _horizontal_structure(surface, mean / max(float(np.linalg.norm(mean)), 1e-9))
         height = float(np.percentile(surface.points @ up, 0.5)) if len(surface.points) else 0.0
         return _upright_frame(up, height, surface, T_any_camera), World(source, 0, None)
@@ -89,6 +88,13 @@ def existing_world(found: World, T_floor_world: Array, T_world_camera: Array, so
     return World(source, found.floor_points, found.floor_rms_m, float(foot[2]), tilt_deg)
 
 
+def side_up(T_world_camera: Array) -> str:
+    """The side of the images that is up, by all cameras; the top where none clearly is."""
+    z_in_camera = T_world_camera[:, 2, :3].mean(0)
+    clearly = {side: z for side in SIDES if (z := float(z_in_camera @ SIDES[side])) > CLEARLY}
+    return "top" if "top" in clearly or not clearly else max(clearly, key=clearly.__getitem__)
+
+
 def align_to_previous(T_world_before: Array, T_any_camera: Array) -> Array:
     """``T_world_any`` that moves cameras least from where they were in a world (N, 4, 4).
 
@@ -99,13 +105,6 @@ def align_to_previous(T_world_before: Array, T_any_camera: Array) -> Array:
     axes = np.vstack([np.zeros(3), np.eye(3)])
     before, now = (se3.transform(T[both], axes) for T in (T_world_before, T_any_camera))
     return se3.align(before.reshape(-1, 3), now.reshape(-1, 3))
-
-
-def _side_up(T_world_camera: Array) -> str:
-    """The side of the images that is up, by all cameras; the top where none clearly is."""
-    z_in_images = T_world_camera[:, 2, :2].mean(0)
-    up = max(SIDES, key=lambda side: float(z_in_images @ SIDES[side]))
-    return up if z_in_images @ SIDES[up] > CLEARLY else "top"
 
 
 def _horizontal_structure(surface: Surface, mean: Array) -> tuple[Array, str]:

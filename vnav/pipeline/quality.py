@@ -38,6 +38,7 @@ MOST_LOOPS = 150  # rejected ones, that are looked at
 LEAST_CONTRADICTING = 5  # rejected loops that do; chance makes 1.5 of 150
 LEAST_UNSURE = 2  # frames in doubt that do
 WRONG_CAMERA, SURE_SIGMAS = 0.025, 5.0  # off by: of the focal length, and standard deviations
+MAX_SIGMA = 0.01  # of the focal length; errors that all views share are as large where it is more
 FITTED = (  # and its standard deviation, and what was given
     "a focal length of {:.1f} px (+- {:.1f}) where {:.1f} px were given",
     "cx of {:.1f} px (+- {:.1f}) where {:.1f} px were given",
@@ -77,7 +78,7 @@ def assess(folder: MapFolder, config: Config) -> Quality:
     loops, rejected = _loops(folder)
     posed = int(np.isfinite(poses[:, 0, 0]).sum())
     against = contradicting_loops(evenly(rejected, MOST_LOOPS), poses, seen, registration)
-    unborne = unborne_steps(rows, odometry.segment, poses, seen, registration)
+    unborne = unborne_steps(rows, odometry.motions, poses, seen, registration)
     unsure = unsure_rows(odometry)
     wrong = _wrong_fits(optimised)
     told = (
@@ -129,7 +130,8 @@ def _wrong_fits(optimised: dict[str, Any]) -> list[CameraFit]:
 
 def _is_wrong(fit: CameraFit) -> NDArray[np.bool_]:
     """Whether each of its parameters is (4,)."""
-    return np.asarray((fit.off > WRONG_CAMERA) & (fit.off_sigmas > SURE_SIGMAS))
+    is_known = fit.off < MAX_SIGMA * fit.off_sigmas
+    return np.asarray((fit.off > WRONG_CAMERA) & (fit.off_sigmas > SURE_SIGMAS) & is_known)
 
 
 def _loops(folder: MapFolder) -> tuple[int, list[Edge]]:
