@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from vnav.config import Config, FeaturesConfig
+from vnav.core.frame import Edge
 from vnav.core.mapping import CONTRADICTS
 from vnav.io.store.artifacts import (
     load_loop_edges,
@@ -24,7 +25,7 @@ from vnav.io.store.artifacts import (
 from vnav.io.store.map_folder import MapFolder
 from vnav.io.store.overview import has_verdict, overview
 from vnav.pipeline.build import judged
-from vnav.pipeline.quality import agreement, assess
+from vnav.pipeline.quality import agreement, assess, unsure_rows
 from vnav.stages import optimise
 
 Altering = Callable[[MapFolder, str], AbstractContextManager[Path]]
@@ -168,10 +169,20 @@ def test_frames_none_of_whose_motions_is_likely_are_named(
 def test_one_such_frame_alone_is_no_doubt(folder: MapFolder, altering: Altering) -> None:
     doubt_motions(folder, altering, {7})
 
-    quality = assess(folder, CONFIG)
+    assert assess(folder, CONFIG).doubts == ()
 
-    assert quality.doubts == ()
-    assert quality.values["motions_unsure"] == 1
+
+def test_where_loops_join_what_lies_between_unlikely_motions_these_are_no_doubt(
+    folder: MapFolder,
+) -> None:
+    odometry, step = load_odometry(folder), np.eye(6)
+    edges = tuple(
+        dataclasses.replace(e, probability=0.3) if e.j in (20, 40) else e for e in odometry.edges
+    )
+    doubted = dataclasses.replace(odometry, edges=edges)
+    round_trip = [Edge(0, 50, np.eye(4), step)]
+    assert unsure_rows(doubted, round_trip).tolist() == [20, 40]
+    assert unsure_rows(doubted, [*round_trip, Edge(5, 30, np.eye(4), step)]).tolist() == []
 
 
 def test_one_likely_motion_is_enough_for_a_frame(folder: MapFolder, altering: Altering) -> None:

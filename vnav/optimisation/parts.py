@@ -65,8 +65,7 @@ def attach_degenerate_frames(
 def _outside(rows: NDArray[np.intp], odometry: Odometry) -> list[Edge]:
     """All edges of odometry, degenerate ones too, that touch none of the rows."""
     inside = np.isin(np.arange(len(odometry.frames)), rows)
-    edges = odometry.motions
-    return [e for e in edges if not (inside[e.i] or inside[e.j])]
+    return [e for e in odometry.motions if not (inside[e.i] or inside[e.j])]
 
 
 def _moved_with_keyframes(poses: Array, T_keyframes: Array, rows: NDArray[np.intp]) -> Array:

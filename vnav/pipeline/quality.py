@@ -11,6 +11,8 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
 
 from vnav.checking.motions import contradicting_loops, unborne_steps
 from vnav.config import Config
@@ -79,7 +81,7 @@ def assess(folder: MapFolder, config: Config) -> Quality:
     posed = int(np.isfinite(poses[:, 0, 0]).sum())
     against = contradicting_loops(evenly(rejected, MOST_LOOPS), poses, seen, registration)
     unborne = unborne_steps(rows, odometry.motions, poses, seen, registration)
-    unsure = unsure_rows(odometry)
+    unsure = unsure_rows(odometry, loops)
     wrong = _wrong_fits(optimised)
     told = (
         _disagreement(revisits, odometry),
@@ -92,10 +94,10 @@ def assess(folder: MapFolder, config: Config) -> Quality:
     values = {
         "verdict": "doubtful" if doubts else "good",
         "doubts": list(doubts),
-        "agreement": "" if doubts else agreement(len(revisits.pairs), loops, odometry, posed),
+        "agreement": "" if doubts else agreement(len(revisits.pairs), len(loops), odometry, posed),
         "revisits": len(revisits.pairs),
         "revisits_disagreeing": len(revisits.disagreeing),
-        "loops": loops,
+        "loops": len(loops),
         "loops_rejected": len(rejected),
         "loops_contradicting": len(against),
         "steps_unborne": len(unborne),
@@ -116,10 +118,16 @@ def agreement(revisits: int, loops: int, odometry: Odometry, posed: int) -> str:
     return f"no fault in {', '.join(told) or 'a single frame'}{drift}{part}"
 
 
-def unsure_rows(odometry: Odometry) -> NDArray[np.intp]:
-    """Frames none of whose motions from earlier ones is likely to be right."""
+def unsure_rows(odometry: Odometry, loops: Sequence[Edge]) -> NDArray[np.intp]:
+    """Frames none of whose motions from earlier ones is likely; none where loops join all parts.
+
+    A part begins with such a frame, as after a cut in the recording.
+    """
     best = best_into(odometry.edges)
-    return np.array(sorted(row for row, p in best.items() if p < UNSURE), np.intp)
+    unlikely = np.array(sorted(row for row, p in best.items() if p < UNSURE), np.intp)
+    i, j = np.searchsorted(unlikely, ends_of(loops), side="right").T  # parts that they join
+    parts = coo_array((np.ones(len(i)), (i, j)), shape=(len(unlikely) + 1,) * 2)
+    return unlikely if connected_components(parts)[0] > 1 else unlikely[:0]
 
 
 def _wrong_fits(optimised: dict[str, Any]) -> list[CameraFit]:
@@ -134,12 +142,12 @@ def _is_wrong(fit: CameraFit) -> NDArray[np.bool_]:
     return np.asarray((fit.off > WRONG_CAMERA) & (fit.off_sigmas > SURE_SIGMAS) & is_known)
 
 
-def _loops(folder: MapFolder) -> tuple[int, list[Edge]]:
-    """How many loops hold the map, and edges that it turned down, between neighbours too."""
+def _loops(folder: MapFolder) -> tuple[list[Edge], list[Edge]]:
+    """Loops that hold the map, and edges that it turned down, between neighbours too."""
     edges, _ = load_loop_edges(folder)
     found = [v for v in load_loops(folder) if v.accepted or v.reason == CONTRADICTS]
-    kept = sum(v.accepted and v.is_loop for v in found)
-    return kept, list(compress(edges, (not v.accepted for v in found)))
+    kept = compress(edges, (v.accepted and v.is_loop for v in found))
+    return list(kept), list(compress(edges, (not v.accepted for v in found)))
 
 
 def _disagreement(revisits: Revisits, odometry: Odometry) -> str:
