@@ -5,12 +5,12 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 
 import pytest
 
-from vnav.threads import SharedLimit, made_ahead
+from vnav.threads import AHEAD, SharedLimit, made_ahead
 
 TRAIN = """
 import hashlib
@@ -123,26 +123,29 @@ def test_blas_is_limited_where_numpy_was_loaded_before() -> None:
 def test_items_come_in_order_and_the_next_is_made_while_one_is_used() -> None:
     used = threading.Event()
 
-    def items() -> Iterator[int]:
-        yield 0
-        assert used.wait(10)
-        yield 1
-        yield 2
+    def make(k: int) -> int:
+        assert k == 0 or used.wait(10)
+        return -k
 
     found = []
-    for item in made_ahead(items()):
+    for item in made_ahead(make, range(6)):
         found.append(item)
         used.set()
-    assert found == [0, 1, 2]
+    assert found == [0, -1, -2, -3, -4, -5]
 
 
-def test_no_more_than_one_item_is_made_ahead() -> None:
+def test_as_many_items_are_made_at_once_as_are_made_ahead() -> None:
+    together = threading.Barrier(AHEAD, timeout=10)
+    assert len(list(made_ahead(lambda _: together.wait(), range(2 * AHEAD)))) == 2 * AHEAD
+
+
+def test_no_more_than_a_few_items_are_made_ahead() -> None:
     made: list[int] = []
-    for item in made_ahead(made.append(k) or k for k in range(6)):
+    for item in made_ahead(lambda k: made.append(k) or k, range(9)):
         time.sleep(0.01)
-        assert made[-1] <= item + 1
+        assert max(made) <= item + AHEAD
 
 
 def test_an_error_while_an_item_is_made_is_raised_where_it_is_used() -> None:
     with pytest.raises(ZeroDivisionError):
-        list(made_ahead(1 // k for k in (1, 0)))
+        list(made_ahead(lambda k: 1 // k, (1, 0)))

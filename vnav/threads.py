@@ -5,14 +5,17 @@ over cores instead. Environment variables come too late where numpy is loaded al
 """
 
 import os
+from collections import deque
 from collections.abc import Callable, Iterable, Iterator
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import ContextDecorator
 from threading import Lock, local
 from typing import Generic, TypeVar
 
+Item = TypeVar("Item")
 Made = TypeVar("Made")
 Undo = Callable[[], None]
+AHEAD = 2  # items
 
 
 class PerThread(Generic[Made]):
@@ -30,14 +33,16 @@ class PerThread(Generic[Made]):
         return made
 
 
-def made_ahead(items: Iterable[Made]) -> Iterator[Made]:
-    """The items in order, each made by another thread while the one before is used."""
-    with ThreadPoolExecutor(1) as maker:
-        rest = iter(items)
-        coming = maker.submit(next, rest, None)
-        while (item := coming.result()) is not None:
-            coming = maker.submit(next, rest, None)
-            yield item
+def made_ahead(make: Callable[[Item], Made], items: Iterable[Item]) -> Iterator[Made]:
+    """What is made of each item, in order: a few are made by other threads while one is used."""
+    with ThreadPoolExecutor(AHEAD) as makers:
+        coming: deque[Future[Made]] = deque()
+        for item in items:
+            coming.append(makers.submit(make, item))
+            if len(coming) > AHEAD:
+                yield coming.popleft().result()
+        while coming:
+            yield coming.popleft().result()
 
 
 def openmp_free_pool() -> ThreadPoolExecutor:

@@ -50,12 +50,12 @@ def both(before: list[PosedFrame]) -> list[PosedFrame]:
 
 @pytest.fixture(scope="module")
 def fused_before(before: list[PosedFrame]) -> FusedVolumes:
-    return fuse(before, history(before), CONFIG.fuse)
+    return fuse(before.__getitem__, history(before), CONFIG.fuse)
 
 
 @pytest.fixture(scope="module")
 def fused_both(both: list[PosedFrame]) -> FusedVolumes:
-    return fuse(both, history(both), CONFIG.fuse)
+    return fuse(both.__getitem__, history(both), CONFIG.fuse)
 
 
 def boxes(scene: Scene) -> set[Box]:

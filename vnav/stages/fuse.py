@@ -59,7 +59,7 @@ def run(folder: MapFolder, config: Config, *, progress: Progress = silent) -> Re
     optimised, views = load_optimised(folder), PosedFrames(folder)
 
     history = views.history(config)
-    fused = fuse(views, history, config.fuse, progress)
+    fused = fuse(views.view, history, config.fuse, progress)
     landmarks_departed = views.departed(optimised.landmarks, history)
     leaves = _leaves(fused.octree, config.fuse)
     walks = [] if optimised.world.doubt else views.walks()
@@ -80,7 +80,7 @@ def run(folder: MapFolder, config: Config, *, progress: Progress = silent) -> Re
 
 
 class PosedFrames:
-    """The frames that a map keeps, keyframes or all, and that have a pose, read one at a time.
+    """The frames that a map keeps, keyframes or all, and that have a pose; read when asked for.
 
     The pose is that of the camera as it measured depth.
     """
@@ -104,9 +104,13 @@ class PosedFrames:
         return "keyframes" if np.isin(self._rows, self._keyframe_rows).all() else "frames"
 
     def __iter__(self) -> Iterator[PosedFrame]:
-        for row in self._rows:
-            frame = load_keyframe(self._folder, row, self._frames, BESIDE_PX)
-            yield PosedFrame(frame, self._poses[row])
+        return map(self.view, range(len(self)))
+
+    def view(self, number: int) -> PosedFrame:
+        """One of them, in order of time."""
+        row = self._rows[number]
+        frame = load_keyframe(self._folder, row, self._frames, BESIDE_PX)
+        return PosedFrame(frame, self._poses[row])
 
     def walks(self) -> list[Array]:
         """For each capture, the camera's centres (F, 3) at all frames, NaN where not known."""

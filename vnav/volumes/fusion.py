@@ -1,6 +1,6 @@
 """Keyframes' depth fused to one cloud, octree and mesh: claim 3, S8; what has left: 003 S6."""
 
-from collections.abc import Iterable
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -40,22 +40,22 @@ class FusedVolumes:
 
 
 def fuse(
-    views: Iterable[PosedFrame],
+    view_of: Callable[[int], PosedFrame],
     history: DepthHistory,
     config: FuseConfig,
     progress: Progress = silent,
 ) -> FusedVolumes:
-    """Put every view into a cloud, an octree and a signed distance volume; two views in memory.
+    """Put every view into a cloud, an octree and a signed distance volume; few are in memory.
 
-    ``history``: depth of the same views, which tells what of each has departed since.
+    ``view_of`` reads a view by its number in the ``history``: depth of all of them, which tells
+    what of each has departed since. Several threads call it.
     """
     from vnav.volumes.tsdf import TsdfVolume
 
     cloud, scans = VoxelCloud(config.voxel_m), Scans(config.octree_m)
     volume = TsdfVolume(config.mesh_voxel_m, config.max_range_m)
     departed = [np.zeros((0, 3))]
-    seen_by_views = (_seen_by(k, view, history, config) for k, view in enumerate(views))
-    for seen in made_ahead(seen_by_views):
+    for seen in made_ahead(lambda k: _seen_by(k, view_of(k), history, config), range(len(history))):
         frame, T_world_camera = seen.view.frame, seen.view.T_world_camera
         scans.insert(seen.scan_world, T_world_camera[:3, 3])
         cloud.add(seen.points_world, seen.colors)
@@ -65,7 +65,7 @@ def fuse(
     points = np.concatenate(departed)
     points = points[voxels_of(points, config.octree_m)[0]]
     whole_cloud, octree = cloud.cloud(), scans.octree()
-    del cloud, scans, seen_by_views  # the mesh wants their memory
+    del cloud, scans  # the mesh wants their memory
     return FusedVolumes(whole_cloud, octree, volume.mesh(), points)
 
 
