@@ -15,7 +15,7 @@ from typing import Generic, TypeVar
 Item = TypeVar("Item")
 Made = TypeVar("Made")
 Undo = Callable[[], None]
-AHEAD = 2  # items
+AHEAD = 2  # items that are made while one is used
 
 
 class PerThread(Generic[Made]):

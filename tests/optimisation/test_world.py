@@ -7,11 +7,12 @@ Surfaces lie 1 cm off at random. Thousands of points on a floor of some metres k
 import numpy as np
 import pytest
 
-from vnav.config import Config
+from vnav.config import Config, OptimiseConfig
 from vnav.core import se3
 from vnav.core.camera import Intrinsics
 from vnav.core.mapping import World
 from vnav.features.description import near_depth
+from vnav.optimisation.floor import AUTO, SIDES
 from vnav.optimisation.surface import Surface, sample_surface
 from vnav.optimisation.world import align_to_previous, existing_world, find_world, side_up
 
@@ -175,6 +176,11 @@ def test_a_shelf_that_is_seen_from_below_does_not_make_the_ceiling_the_floor() -
 def test_the_side_of_the_images_that_is_up_can_be_named(roll_deg: float, side: str) -> None:
     seen = surface(FLOOR, CEILING, *WALLS)
     assert_on_floor(found(seen, cameras(roll_deg, pitch_deg=0), side))
+
+
+@pytest.mark.parametrize("side", [AUTO, *SIDES])
+def test_the_settings_know_every_side(side: str) -> None:
+    assert OptimiseConfig(up_in_images=side).up_in_images == side
 
 
 def test_without_a_floor_the_named_side_is_up() -> None:

@@ -25,7 +25,7 @@ from vnav.io.store.artifacts import (
 from vnav.io.store.map_folder import MapFolder
 from vnav.io.store.overview import has_verdict, overview
 from vnav.pipeline.build import judged
-from vnav.pipeline.quality import agreement, assess, unsure_rows
+from vnav.pipeline.quality import agreement, are_joined, assess
 from vnav.stages import optimise
 
 Altering = Callable[[MapFolder, str], AbstractContextManager[Path]]
@@ -169,20 +169,35 @@ def test_frames_none_of_whose_motions_is_likely_are_named(
 def test_one_such_frame_alone_is_no_doubt(folder: MapFolder, altering: Altering) -> None:
     doubt_motions(folder, altering, {7})
 
-    assert assess(folder, CONFIG).doubts == ()
+    quality = assess(folder, CONFIG)
+
+    assert quality.doubts == ()
+    assert quality.values["motions_unsure"] == 1
 
 
-def test_where_loops_join_what_lies_between_unlikely_motions_these_are_no_doubt(
-    folder: MapFolder,
+def test_loops_join_all_parts_between_unlikely_motions_or_leave_one_out() -> None:
+    unlikely, step = np.array([20, 40]), np.eye(6)
+    round_trip, to_the_middle = (Edge(i, j, np.eye(4), step) for i, j in ((0, 50), (5, 20)))
+    assert not are_joined(unlikely, [])
+    assert not are_joined(unlikely, [round_trip])
+    assert are_joined(unlikely, [round_trip, to_the_middle])
+
+
+def test_where_loops_join_all_parts_unlikely_motions_are_no_doubt(
+    folder: MapFolder, altering: Altering
 ) -> None:
-    odometry, step = load_odometry(folder), np.eye(6)
-    edges = tuple(
-        dataclasses.replace(e, probability=0.3) if e.j in (20, 40) else e for e in odometry.edges
-    )
-    doubted = dataclasses.replace(odometry, edges=edges)
-    round_trip = [Edge(0, 50, np.eye(4), step)]
-    assert unsure_rows(doubted, round_trip).tolist() == [20, 40]
-    assert unsure_rows(doubted, [*round_trip, Edge(5, 30, np.eye(4), step)]).tolist() == []
+    # Loops from the frames before to the first frame of each part.
+    edges, _ = load_loop_edges(folder)
+    verdicts = [v for v in load_loops(folder) if v.accepted or v.reason == CONTRADICTS]
+    loops = [e for e, v in zip(edges, verdicts, strict=True) if v.accepted and v.is_loop]
+    begin, then = sorted({e.j for e in loops})[:2]
+    assert all(min(e.i for e in loops if e.j == j) < begin for j in (begin, then))
+    doubt_motions(folder, altering, {begin, then})
+
+    quality = assess(folder, CONFIG)
+
+    assert quality.doubts == ()
+    assert quality.values["motions_unsure"] == 2
 
 
 def test_one_likely_motion_is_enough_for_a_frame(folder: MapFolder, altering: Altering) -> None:

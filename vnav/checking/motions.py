@@ -4,7 +4,7 @@ Where places look the same, many loops are false, and a good map turns them down
 better motion in the loop than in the map. A map that is wrong turns down loops that are right.
 """
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,13 +13,14 @@ from vnav.config import RegistrationConfig
 from vnav.core import se3
 from vnav.core.arrays import Array
 from vnav.core.frame import Edge
+from vnav.core.graph import shortest_paths
 from vnav.core.reduced_frame import Seen
 from vnav.registration.judge import CLEAR, judge
 
 
 def unborne_steps(
     rows: NDArray[np.intp],
-    motions: Iterable[Edge],
+    motions: Sequence[Edge],
     T_world_camera: Array,
     seen: Seen,
     config: RegistrationConfig,
@@ -31,29 +32,14 @@ def unborne_steps(
     earlier place found again; nor without a pose.
     """
     posed = np.isfinite(T_world_camera[:, 0, 0])
-    sources: dict[int, list[int]] = {}
-    for e in motions:
-        sources.setdefault(e.j, []).append(e.i)
+    steps = zip(rows[:-1].tolist(), rows[1:].tolist(), strict=True)
     found = []
-    for i, j in zip(rows[:-1].tolist(), rows[1:].tolist(), strict=True):
-        if not (posed[i] and posed[j] and _lead_on(sources, i, j)):
-            continue
+    for step in shortest_paths(motions, [(i, j) for i, j in steps if posed[i] and posed[j]]):
+        i, j = step.i, step.j
         T_i_j = se3.inverse(T_world_camera[i]) @ T_world_camera[j]
         if judge(seen(i), seen(j), [T_i_j], config).log_odds[0, -1] < CLEAR:
             found.append((i, j))
     return found
-
-
-def _lead_on(sources: Mapping[int, Sequence[int]], i: int, j: int) -> bool:
-    """Whether motions lead from a frame to a later one over none but those between them.
-
-    ``sources``: by frame, those that motions to it are from.
-    """
-    reached = {i}
-    for row in range(i + 1, j + 1):
-        if not reached.isdisjoint(sources.get(row, ())):
-            reached.add(row)
-    return j in reached
 
 
 def contradicting_loops(

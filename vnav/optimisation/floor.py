@@ -15,7 +15,7 @@ MIN_SUPPORT = 0.02  # share of the surface that must lie on it
 HEIGHTS_M = (0.15, 3.0)  # above a floor of the cameras on it
 LOWEST = 0.1  # share of the cameras that are on it at least; a stair may lead to others
 STEADY = 0.7  # length of the mean of a floor's normals in all cameras; a wall's turns about
-UPRIGHT = 0.25  # of it across the optical axis: the cameras do not look straight down
+UPRIGHT = 0.25  # of it across the optical axis, unless the cameras look straight down or up
 HYPOTHESES = 500
 COS_SAME = float(np.cos(np.deg2rad(15)))
 AUTO = "auto"
@@ -61,16 +61,16 @@ def find_floor(
         return None
     drawn = rng.integers(0, len(surface.points), HYPOTHESES)
     steady, likely = _upright(surface.normals[drawn], T_any_camera, up_in_images)
-    area = steady**4
-    area[steady > 0] *= [_area(surface, int(k), T_any_camera) for k in drawn[steady > 0]]
-    best = int((area * likely).argmax())
-    if not area[best]:
+    scores = steady**4
+    scores[steady > 0] *= [_area(surface, int(k), T_any_camera) for k in drawn[steady > 0]]
+    best = int((scores * likely).argmax())
+    if not scores[best]:
         return None
     floor = _plane(surface, int(drawn[best]))
-    area[surface.normals[drawn] @ floor.up > -COS_SAME] = 0
-    ceiling = _plane(surface, int(drawn[area.argmax()])) if area.any() else None
     if up_in_images != AUTO:
         return floor if likely[best] > 0.5 else None
+    scores[surface.normals[drawn] @ floor.up > -COS_SAME] = 0
+    ceiling = _plane(surface, int(drawn[scores.argmax()])) if scores.any() else None
     return _floor_of(surface, floor, ceiling, float(likely[best]))
 
 

@@ -4,21 +4,19 @@ Thresholds were fitted on rendered maps by benchmarks/verdicts.py, as docs/decis
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from itertools import compress
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 
 from vnav.checking.motions import contradicting_loops, unborne_steps
 from vnav.config import Config
 from vnav.core.arrays import evenly
 from vnav.core.frame import Edge
-from vnav.core.graph import best_into, ends_of
+from vnav.core.graph import best_into, component_roots, ends_of
 from vnav.core.mapping import CONTRADICTS, Odometry
 from vnav.core.reduced_frame import ReducedFrame
 from vnav.io.store.artifacts import (
@@ -81,13 +79,13 @@ def assess(folder: MapFolder, config: Config) -> Quality:
     posed = int(np.isfinite(poses[:, 0, 0]).sum())
     against = contradicting_loops(evenly(rejected, MOST_LOOPS), poses, seen, registration)
     unborne = unborne_steps(rows, odometry.motions, poses, seen, registration)
-    unsure = unsure_rows(odometry, loops)
+    unsure = unsure_rows(odometry)
     wrong = _wrong_fits(optimised)
     told = (
         _disagreement(revisits, odometry),
         _contradiction(against, odometry),
         _unborne(unborne, odometry),
-        _uncertainty(unsure, odometry),
+        _uncertainty(unsure, loops, odometry),
         _wrong_cameras(wrong),
     )
     doubts = tuple(filter(None, told))
@@ -118,16 +116,17 @@ def agreement(revisits: int, loops: int, odometry: Odometry, posed: int) -> str:
     return f"no fault in {', '.join(told) or 'a single frame'}{drift}{part}"
 
 
-def unsure_rows(odometry: Odometry, loops: Sequence[Edge]) -> NDArray[np.intp]:
-    """Frames none of whose motions from earlier ones is likely; none where loops join all parts.
-
-    A part begins with such a frame, as after a cut in the recording.
-    """
+def unsure_rows(odometry: Odometry) -> NDArray[np.intp]:
+    """Frames none of whose motions from earlier ones is likely to be right."""
     best = best_into(odometry.edges)
-    unlikely = np.array(sorted(row for row, p in best.items() if p < UNSURE), np.intp)
-    i, j = np.searchsorted(unlikely, ends_of(loops), side="right").T  # parts that they join
-    parts = coo_array((np.ones(len(i)), (i, j)), shape=(len(unlikely) + 1,) * 2)
-    return unlikely if connected_components(parts)[0] > 1 else unlikely[:0]
+    return np.array(sorted(row for row, p in best.items() if p < UNSURE), np.intp)
+
+
+def are_joined(first_rows: NDArray[np.intp], loops: Sequence[Edge]) -> bool:
+    """Whether loops join all parts of a recording, cut before each of some rows (P,)."""
+    parts = np.searchsorted(first_rows, ends_of(loops), side="right").tolist()
+    between = [replace(loop, i=i, j=j) for loop, (i, j) in zip(loops, parts, strict=True)]
+    return component_roots(np.arange(len(first_rows) + 1), between) == [0]
 
 
 def _wrong_fits(optimised: dict[str, Any]) -> list[CameraFit]:
@@ -181,8 +180,8 @@ def _unborne(unborne: Sequence[tuple[int, int]], odometry: Odometry) -> str:
     )
 
 
-def _uncertainty(unsure: NDArray[np.intp], odometry: Odometry) -> str:
-    if len(unsure) < LEAST_UNSURE:
+def _uncertainty(unsure: NDArray[np.intp], loops: Sequence[Edge], odometry: Odometry) -> str:
+    if len(unsure) < LEAST_UNSURE or are_joined(unsure, loops):
         return ""
     return (
         f"the motion of {len(unsure)} frames is in doubt, within"

@@ -64,8 +64,7 @@ def run(folder: MapFolder, config: Config, *, progress: Progress = silent) -> Re
     solution = solve(odometry, closures, matches, cameras, config, progress, depth_of, look)
     surface = _keyframe_surface(depth_of, solution, odometry, cameras)
     rng = np.random.default_rng([config.seed, 2])
-    up = config.optimise.up_in_images
-    result = place_in_world(solution, odometry, surface, rng, up)
+    result = place_in_world(solution, odometry, surface, rng, config.optimise.up_in_images)
 
     with folder.writing(STAGE, settings, inputs) as draft:
         save_optimised(draft, result)
