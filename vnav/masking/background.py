@@ -74,17 +74,16 @@ def _of_brightness(gain: float) -> Floats:
 def _mixed(models: Floats, places: Floats) -> Floats:
     """S34, with the overlap of unit squares for weights; age 0 where a place is unknown."""
     result = np.zeros_like(models)
-    result[:, 1] = FIRST_VARIANCE
+    result[:, VARIANCE] = FIRST_VARIANCE
     height, width = models.shape[2:]
     for v in range(height):
         for u in range(width):
-            x, y = places[v, u, 0], places[v, u, 1]
+            x, y = np.float64(places[v, u, 0]), np.float64(places[v, u, 1])
             if -1 < x < width and -1 < y < height:
                 for m in range(2):
-                    mixture = _mixture(models, m, x, y)
-                    result[m, 0, v, u] = mixture[0]
-                    result[m, 1, v, u] = mixture[1]
-                    result[m, 2, v, u] = mixture[2]
+                    mean, variance, age = _mixture(models, m, x, y)
+                    result[m, MEAN, v, u], result[m, VARIANCE, v, u] = mean, variance
+                    result[m, AGE, v, u] = age
     return result
 
 
@@ -93,15 +92,17 @@ def _mixture(models: Floats, m: int, x: float, y: float) -> tuple[float, float, 
     """Mean, variance and age under a unit square; what of it lies beyond the image has age 0."""
     height, width = models.shape[2:]
     left, top = int(np.floor(x)), int(np.floor(y))
+    across, down = x - left, y - top
     total, mean, square, age = 1e-12, 0.0, 0.0, 0.0
-    for row in range(max(0, top), min(height, top + 2)):
-        for column in range(max(0, left), min(width, left + 2)):
-            share = (1 - abs(x - column)) * (1 - abs(y - row))
-            value = models[m, 0, row, column]
+    for k in range(4):
+        row, column = top + k // 2, left + k % 2
+        if 0 <= row < height and 0 <= column < width:
+            share = (down if k // 2 else 1 - down) * (across if k % 2 else 1 - across)
+            value = models[m, MEAN, row, column]
             total += share
             mean += share * value
-            square += share * (models[m, 1, row, column] + value * value)
-            age += share * models[m, 2, row, column]
+            square += share * (models[m, VARIANCE, row, column] + value * value)
+            age += share * models[m, AGE, row, column]
     mean /= total
     variance = square / total - mean * mean
     if variance > MAX_VARIANCE:

@@ -5,6 +5,7 @@ import numpy as np
 from vnav.compiled import compiled
 from vnav.core.arrays import Array
 
+Point = tuple[float, float, float]
 MIN_Z_M = 0.05  # nothing is seen nearer than this
 
 
@@ -18,12 +19,14 @@ def inverse(T: Array) -> Array:
 
 
 @compiled
-def transform(p: Array, T: Array, point: Array) -> None:
-    """Move a point (3,) by T into p, in place."""
-    for k in range(3):
-        p[k] = T[k, 3]
-        for n in range(3):
-            p[k] += T[k, n] * point[n]
+def transform(T: Array, point: Array | Point) -> Point:
+    """A point moved by T, as values: an array for each point would take longer than the rest."""
+    x, y, z = point[0], point[1], point[2]
+    return (
+        T[0, 3] + T[0, 0] * x + T[0, 1] * y + T[0, 2] * z,
+        T[1, 3] + T[1, 0] * x + T[1, 1] * y + T[1, 2] * z,
+        T[2, 3] + T[2, 0] * x + T[2, 1] * y + T[2, 2] * z,
+    )
 
 
 @compiled
@@ -44,14 +47,14 @@ def exp(xi: Array) -> Array:
 
 @compiled
 def jacobian(
-    J: Array, T_a_b: Array, point_b: Array, p: Array, camera: Array, forward: bool
+    J: Array, T_a_b: Array, point_b: Array | Point, p: Point, camera: Array, forward: bool
 ) -> None:
     """Derivative (3, 6) of (u, v, 1/z) at p by the tangent at ``T_a_b``, rotation first.
 
     Forward, p is the point in b, and moves against the camera; else it is in a, and moves along.
     """
     w = 1 / p[2]
-    X, Y, Z = point_b
+    X, Y, Z = point_b[0], point_b[1], point_b[2]
     for n in range(6):
         x = (0.0, -Z, Y, -1.0, 0.0, 0.0)[n]  # of the point in b: point x rotation - translation
         y = (Z, 0.0, -X, 0.0, -1.0, 0.0)[n]

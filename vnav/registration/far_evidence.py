@@ -35,7 +35,7 @@ def met_far(
     count = _distances(T_b_a, cameras, pixels)
     met = np.full((len(pixels), count, 2), np.nan)
     here, there = cameras[0], cameras[1]
-    turned, p, seen = np.empty(3), np.empty(3), np.empty(3)
+    turned, p = np.empty(3), np.empty(3)
     for n in range(len(pixels)):
         _turn(turned, T_b_a, here, pixels[n])
         for d in range(count):
@@ -45,10 +45,11 @@ def met_far(
             if p[2] <= MIN_Z_M:
                 continue
             u, v = there[0] * p[0] / p[2] + there[2], there[1] * p[1] / p[2] + there[3]
-            if _brightness(seen, b, u, v):
-                edge = seen[1] ** 2 + seen[2] ** 2
+            if _is_far_around(b, u, v):
+                brightness, across, down = bilinear(b, 1, u, v)
+                edge = across**2 + down**2
                 place = sigmas[0] ** 2 + APART_PX**2 / 12
-                met[n, d] = seen[0], np.sqrt(2 * sigmas[2] ** 2 + place * edge)
+                met[n, d] = brightness, np.sqrt(2 * sigmas[2] ** 2 + place * edge)
     return met
 
 
@@ -106,12 +107,9 @@ def _turn(turned: Array, T_b_a: Array, camera: Array, pixel: NDArray[np.int64]) 
 
 
 @compiled
-def _brightness(seen: Array, image: Floats, x: float, y: float) -> bool:
-    """Brightness and its gradient (3,) at a place; False outside, and beside any depth."""
+def _is_far_around(image: Floats, x: float, y: float) -> bool:
+    """Whether none of the four pixels about a place has depth; False outside of the image."""
     height, width = image.shape[:2]
     if not (0 <= x < width - 1 and 0 <= y < height - 1):
         return False
-    if image[int(y) : int(y) + 2, int(x) : int(x) + 2, 0].max() > 0:
-        return False
-    bilinear(seen, image, 1, x, y)
-    return True
+    return bool(image[int(y) : int(y) + 2, int(x) : int(x) + 2, 0].max() <= 0)

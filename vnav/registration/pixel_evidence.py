@@ -5,9 +5,10 @@ from numpy.typing import NDArray
 
 from vnav.compiled import compiled
 from vnav.core.arrays import Array, Floats
-from vnav.registration.compiled_geometry import MIN_Z_M, exp, inverse, transform
+from vnav.registration.compiled_geometry import MIN_Z_M, Point, exp, inverse, transform
 from vnav.registration.refinement import CAUCHY_SIGMAS
 
+Sample = tuple[float, float, float]  # a value, and its gradient by x and by y
 SEEN_SIGMAS = 3.0  # of inverse depth: a point so near to the surface is a point of it
 EXPOSURE_ROUNDS = 3
 DEPTH_DELAY_SIGMA_S, LINE_DELAY_SIGMA_S = 0.02, 5e-5  # a frame's half; a Kinect's line delay
@@ -56,35 +57,35 @@ def carried(
     row in seconds, which count where a camera moves.
     """
     met = np.full((len(pixels), 6), np.nan)
-    point, p, seen = np.empty(3), np.empty(3), np.empty((2, 3))
     here, there = cameras[0], cameras[1]
     is_moving = np.abs(cameras[:, 4:]).max() > 0
     for n in range(len(pixels)):
         u, v = pixels[n]
-        w = a[v, u, 0]
+        w = np.float64(a[v, u, 0])
         if w <= 0:
             continue
-        point[0], point[1] = (u - here[2]) / here[0] / w, (v - here[3]) / here[1] / w
-        point[2] = 1 / w
-        transform(p, T_b_a, point)
-        if p[2] <= MIN_Z_M:
+        point = (u - here[2]) / here[0] / w, (v - here[3]) / here[1] / w, 1 / w
+        px, py, z = transform(T_b_a, point)
+        if z <= MIN_Z_M:
             continue
-        x, y = there[0] * p[0] / p[2] + there[2], there[1] * p[1] / p[2] + there[3]
-        if not _interpolated(seen, b, x, y):
+        x, y = there[0] * px / z + there[2], there[1] * py / z + there[3]
+        if not _has_depth_around(b, x, y):
             continue
-        nearer = 1 / p[2] - seen[0, 0]
-        met[n, 2], met[n, 3] = _spread(seen, sigmas, 1 / p[2] / w)
-        met[n, 4] = met[n, 5] = 0.0
+        depth, grey, scale = bilinear(b, 0, x, y), bilinear(b, 1, x, y), 1 / z / w
+        noise = _spread(depth, grey, sigmas, scale)
+        delays = 0.0, 0.0
         if is_moving and not np.isnan(late[n, 0]):
             own = late[n, 0], late[n, 1], late[n, 2]
-            shift = _parallax(T_b_a, there, x, y, p[2] * w)
-            other = _late(seen, there, x, y, len(b))
-            met[n, 4], met[n, 5] = _by_delays(seen, own, other, shift, 1 / p[2] / w, sigmas)
-        limit = SEEN_SIGMAS * np.hypot(met[n, 2], met[n, 4])
+            shift = _parallax(T_b_a, there, x, y, z * w)
+            other = _late(depth, there, x, y, len(b))
+            delays = _by_delays(depth, grey, own, other, shift, scale, sigmas)
+        met[n, 2], met[n, 3], met[n, 4], met[n, 5] = noise[0], noise[1], delays[0], delays[1]
+        nearer = 1 / z - depth[0]
+        limit = SEEN_SIGMAS * np.sqrt(noise[0] ** 2 + delays[0] ** 2)
         if nearer >= -limit:
             met[n, 0] = nearer
         if abs(nearer) < limit:
-            met[n, 1] = seen[1, 0]
+            met[n, 1] = grey[0]
     return met
 
 
@@ -94,11 +95,12 @@ def lateness(image: Floats, camera: Array, pixels: NDArray[np.int64]) -> Array:
 
     NaN where one lacks depth beside it. ``image`` and ``camera`` (10,) as `carried` takes them.
     """
-    late, own = np.full((len(pixels), 3), np.nan), np.empty((2, 3))
+    late = np.full((len(pixels), 3), np.nan)
     for n in range(len(pixels)):
         u, v = pixels[n]
-        if _interpolated(own, image, u, v):
-            late[n, 0], late[n, 1], late[n, 2] = _late(own, camera, u, v, len(image))
+        if _has_depth_around(image, u, v):
+            depth = bilinear(image, 0, u, v)
+            late[n, 0], late[n, 1], late[n, 2] = _late(depth, camera, u, v, len(image))
     return late
 
 
@@ -116,26 +118,24 @@ def put_alike(
     Points may be apart by ``limits`` (2,), in pixels and in inverse depth, and by what the camera
     moves ``meanwhile``, a tangent (6,). ``T_a_b`` (2, 4, 4): the motions.
     """
-    seen, alike, point, p = 0, 0, np.empty(3), np.empty((3, 3))
+    seen, alike = 0, 0
     carrying = inverse(T_a_b[0]), inverse(T_a_b[1]), exp(meanwhile)
     for n in range(len(pixels)):
         u, v = pixels[n]
         if inverse_depth[v, u] <= 0:
             continue
         seen += 1
-        point[2] = 1 / np.float64(inverse_depth[v, u])
-        point[0] = (u - camera[2]) / camera[0] * point[2]
-        point[1] = (v - camera[3]) / camera[1] * point[2]
-        for k in range(3):
-            transform(p[k], carrying[k], point)
-        apart, farther = _apart(p[0], p[1], camera)
-        passed, nearer = _apart(point, p[2], camera)
+        z = 1 / np.float64(inverse_depth[v, u])
+        point = (u - camera[2]) / camera[0] * z, (v - camera[3]) / camera[1] * z, z
+        by_t, by_u = transform(carrying[0], point), transform(carrying[1], point)
+        apart, farther = _apart(by_t, by_u, camera)
+        passed, nearer = _apart(point, transform(carrying[2], point), camera)
         alike += apart < np.hypot(limits[0], passed) and farther < np.hypot(limits[1], nearer)
     return alike / seen if seen else 1.0
 
 
 @compiled
-def _apart(p: Array, q: Array, camera: Array) -> tuple[float, float]:
+def _apart(p: Point, q: Point, camera: Array) -> tuple[float, float]:
     """Pixels between two points, and their difference of inverse depth; NaN behind the camera."""
     if p[2] <= 0 or q[2] <= 0:
         return np.nan, np.nan
@@ -145,56 +145,56 @@ def _apart(p: Array, q: Array, camera: Array) -> tuple[float, float]:
 
 
 @compiled
-def _interpolated(seen: Array, image: Floats, x: float, y: float) -> bool:
-    """Value and gradient (2, 3) of both channels at a place; False without depth all around."""
+def _has_depth_around(image: Floats, x: float, y: float) -> bool:
+    """Whether all four pixels about a place have depth; False outside of the image."""
     height, width = image.shape[:2]
     if not (0 <= x < width - 1 and 0 <= y < height - 1):
         return False
-    if image[int(y) : int(y) + 2, int(x) : int(x) + 2, 0].min() <= 0:
+    u, v = int(x), int(y)
+    if image[v, u, 0] <= 0 or image[v, u + 1, 0] <= 0:
         return False
-    bilinear(seen[0], image, 0, x, y)
-    bilinear(seen[1], image, 1, x, y)
-    return True
+    return bool(image[v + 1, u, 0] > 0 and image[v + 1, u + 1, 0] > 0)
 
 
 @compiled
-def bilinear(seen: Array, image: Floats, channel: int, x: float, y: float) -> None:
-    """Value and gradient (3,) of a channel at a place inside of the image, in place."""
+def bilinear(image: Floats, channel: int, x: float, y: float) -> Sample:
+    """Value of a channel at a place inside of the image, and its gradient by x and by y."""
     u, v = int(x), int(y)
     i00, i01 = image[v, u, channel], image[v, u + 1, channel]
     i10, i11 = image[v + 1, u, channel], image[v + 1, u + 1, channel]
     top, low = i00 + (x - u) * (i01 - i00), i10 + (x - u) * (i11 - i10)
-    seen[0] = top + (y - v) * (low - top)
-    seen[1] = (1 - (y - v)) * (i01 - i00) + (y - v) * (i11 - i10)
-    seen[2] = low - top
+    across = (1 - (y - v)) * (i01 - i00) + (y - v) * (i11 - i10)
+    return top + (y - v) * (low - top), across, low - top
 
 
 @compiled
-def _spread(seen: Array, sigmas: Array, scale: float) -> tuple[float, float]:
-    """Standard deviations (2,) of both residuals: by noise, and by slope times noise of place."""
-    place, depth, grey = sigmas[0], sigmas[1], sigmas[2]
-    brought = depth * scale * scale  # noise of the inverse depth that a measured
-    slope = seen[0, 1] ** 2 + seen[0, 2] ** 2
-    edge = seen[1, 1] ** 2 + seen[1, 2] ** 2
-    of_depth = np.sqrt(depth * depth + brought * brought + place * place * slope)
-    return of_depth, np.sqrt(2 * grey * grey + place * place * edge)
+def _spread(depth: Sample, grey: Sample, sigmas: Array, scale: float) -> tuple[float, float]:
+    """Standard deviations of both residuals: by noise, and by slope times noise of place."""
+    place, of_depth, of_grey = sigmas[0], sigmas[1], sigmas[2]
+    brought = of_depth * scale * scale  # noise of the inverse depth that a measured
+    slope, edge = depth[1] ** 2 + depth[2] ** 2, grey[1] ** 2 + grey[2] ** 2
+    measured = of_depth * of_depth + brought * brought
+    return (
+        np.sqrt(measured + place * place * slope),
+        np.sqrt(2 * of_grey * of_grey + place * place * edge),
+    )
 
 
 @compiled
 def _late(
-    seen: Array, camera: Array, x: float, y: float, height: int
+    depth: Sample, camera: Array, x: float, y: float, height: int
 ) -> tuple[float, float, float]:
     """What a pixel gains by a second's delay: inverse depth if depth's, u and v if a row's.
 
     Optical flow by the camera's twist; a depth image that is late shows the surface beside, too.
     """
-    rx, ry, w = (x - camera[2]) / camera[0], (y - camera[3]) / camera[1], seen[0, 0]
+    rx, ry, w = (x - camera[2]) / camera[0], (y - camera[3]) / camera[1], depth[0]
     turn_x, turn_y, turn_z = camera[4], camera[5], camera[6]
     along = turn_y * rx - turn_x * ry - camera[9] * w
     u = (turn_z * ry - turn_y - camera[7] * w - rx * along) * camera[0]
     v = (turn_x - turn_z * rx - camera[8] * w - ry * along) * camera[1]
     rows = y - (height - 1) / 2
-    return -w * along - seen[0, 2] * u - seen[0, 1] * v, u * rows, v * rows
+    return -w * along - depth[2] * u - depth[1] * v, u * rows, v * rows
 
 
 @compiled
@@ -207,24 +207,25 @@ def _parallax(T_b_a: Array, camera: Array, x: float, y: float, scale: float) -> 
 
 @compiled
 def _by_delays(
-    seen: Array,
+    depth: Sample,
+    grey: Sample,
     own: tuple[float, float, float],
     other: tuple[float, float, float],
     shift: tuple[float, float],
     scale: float,
     sigmas: Array,
 ) -> tuple[float, float]:
-    """Standard deviations (2,) of both residuals by unknown delays.
+    """Standard deviations of both residuals by unknown delays.
 
     To first order. A sensor has one delay: frames that move alike are displaced alike.
     """
     (of_depth, u, v), (of_depth_b, u_b, v_b) = own, other
-    along_slope = seen[0, 2] * shift[0] + seen[0, 1] * shift[1]
-    along_edge = seen[1, 2] * shift[0] + seen[1, 1] * shift[1]
-    depth = ((scale * scale - along_slope) * of_depth - of_depth_b) ** 2
-    rows = (seen[1, 2] * (u - u_b) + seen[1, 1] * (v - v_b)) ** 2
+    along_slope = depth[2] * shift[0] + depth[1] * shift[1]
+    along_edge = grey[2] * shift[0] + grey[1] * shift[1]
+    rows = (grey[2] * (u - u_b) + grey[1] * (v - v_b)) ** 2
     of_brightness = (sigmas[3] * along_edge * of_depth) ** 2 + sigmas[4] ** 2 * rows
-    return sigmas[3] * np.sqrt(depth), np.sqrt(of_brightness)
+    off = (scale * scale - along_slope) * of_depth - of_depth_b
+    return sigmas[3] * abs(off), np.sqrt(of_brightness)
 
 
 @compiled

@@ -5,7 +5,7 @@ from numpy.typing import NDArray
 
 from vnav.compiled import compiled
 from vnav.core.arrays import Array
-from vnav.registration.compiled_geometry import MIN_Z_M, exp, inverse, jacobian, transform
+from vnav.registration.compiled_geometry import MIN_Z_M, Point, exp, inverse, jacobian, transform
 
 CAUCHY_SIGMAS = 2.0
 ITERATIONS = 12
@@ -53,13 +53,13 @@ def normal_equations(
 ) -> tuple[Array, Array, Array]:
     """Normal matrix (6, 6), gradient (6,) and squared residuals (M,) of a motion."""
     H, g, squared = np.zeros((6, 6)), np.zeros(6), np.full(len(source), np.inf)
-    p, e, S, J = np.empty(3), np.empty(3), np.empty((3, 3)), np.empty((3, 6))
+    e, S, J = np.empty(3), np.empty((3, 3)), np.empty((3, 6))
     T_b_a = inverse(T_a_b)
     for m in range(len(source)):
         T, here, there = (T_b_a, cameras[0], cameras[1])
         if not forward[m]:
             T, here, there = (T_a_b, cameras[1], cameras[0])
-        transform(p, T, source[m])
+        p = transform(T, source[m])
         if p[2] <= MIN_Z_M:
             continue
         size = 3 if target[m, 2] > 0 else 2  # false for NaN
@@ -89,7 +89,7 @@ def carried_covariance(
     S: Array,
     T: Array,
     point: Array,
-    p: Array,
+    p: Point,
     here: Array,
     there: Array,
     variances: Array,

@@ -111,11 +111,11 @@ def _weighted_sums(
     """
     H, H_image, g = np.zeros((6, 6)), np.zeros((6, 6)), np.zeros(6)
     residuals = np.full(len(points), np.nan)
-    p, J, row = np.empty(3), np.empty((3, 6)), np.empty(6)
+    J, row = np.empty((3, 6)), np.empty(6)
     height, width = image_b.shape[:2]
     T_b_a = inverse(T_a_b)
     for m in range(len(points)):
-        transform(p, T_b_a, points[m])
+        p = transform(T_b_a, points[m])
         if p[2] <= MIN_Z_M:
             continue
         u = camera[0] * p[0] / p[2] + camera[2]

@@ -12,7 +12,7 @@ from vnav.config import RegistrationConfig
 from vnav.core import se3
 from vnav.core.arrays import Array
 from vnav.core.frame import PoseEstimate, Rejected
-from vnav.registration.compiled_geometry import MIN_Z_M, exp, transform
+from vnav.registration.compiled_geometry import MIN_Z_M, Point, exp, transform
 from vnav.registration.correspondences import Correspondences
 from vnav.registration.estimators.agreement import agreed
 from vnav.registration.refinement import carried_covariance, whiten
@@ -58,7 +58,7 @@ class PnpEstimator:
 
 
 @compiled
-def reprojection_jacobian(J: Array, p: Array, camera: Array) -> None:
+def reprojection_jacobian(J: Array, p: Array | Point, camera: Array) -> None:
     """Derivative (2, 6) of minus the pixel of a point p in the camera: 004 eq 8 to 11.
 
     By a tangent at the left of the motion, translation first.
@@ -99,9 +99,9 @@ def _consensus(
 @compiled
 def _agreeing(pose: Array, points: Array, px: Array, camera: Array, limit_px: float) -> int:
     """How many points a pose (3, 4) projects to within a limit of their pixels."""
-    count, p = 0, np.empty(3)
+    count = 0
     for m in range(len(points)):
-        transform(p, pose, points[m])
+        p = transform(pose, points[m])
         if p[2] > MIN_Z_M:
             u = camera[0] * p[0] / p[2] + camera[2] - px[m, 0]
             v = camera[1] * p[1] / p[2] + camera[3] - px[m, 1]
@@ -166,10 +166,10 @@ def _normal_equations(
     Residuals are in standard deviations of the pixel and of the point that is carried there.
     """
     H, g, cost = np.zeros((6, 6)), np.zeros(6), 0.0
-    p, e, S, J = np.empty(3), np.empty(3), np.empty((3, 3)), np.empty((3, 6))
+    e, S, J = np.empty(3), np.empty((3, 3)), np.empty((3, 6))
     for m in range(len(points)):
         squared[m] = np.inf
-        transform(p, T, points[m])
+        p = transform(T, points[m])
         if p[2] <= MIN_Z_M:
             continue
         there = cameras[1]
