@@ -31,7 +31,8 @@ pre { overflow-x: auto; font-size: 13px }
 .verdict p { margin: .3rem 0 0 } .verdict b { font-size: 1.25rem }
 .good { border-color: var(--good); background: #2e7d3218 }
 .doubtful { border-color: #e65100; background: #e6510018 }
-.current, .accepted { color: var(--good) } .stale, .missing, .rejected { color: var(--bad) }
+.current, .accepted { color: var(--good) }
+.stale, .damaged, .missing, .rejected { color: var(--bad) }
 """
 
 

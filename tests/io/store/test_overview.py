@@ -86,6 +86,16 @@ def test_what_was_made_from_an_older_stage_is_stale_and_left_out(folder: MapFold
     assert "landmarks" not in overview(folder)
 
 
+@pytest.mark.parametrize("content", [None, b"something else"])
+def test_a_stage_whose_file_is_gone_or_changed_is_damaged_and_left_out(
+    folder: MapFolder, content: bytes | None
+) -> None:
+    landmarks = folder.root / "optimise" / "map.npz"
+    landmarks.unlink() if content is None else landmarks.write_bytes(content)
+    assert states_of(folder)["optimise"] == "damaged"
+    assert "landmarks" not in overview(folder)
+
+
 def test_an_empty_map_has_no_numbers(tmp_path: Path) -> None:
     values = overview(MapFolder.create(tmp_path / "map"))
     assert set(values) == {"map", "size_mb", "stages", "captures", "current", "quality"}

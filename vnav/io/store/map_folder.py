@@ -161,7 +161,11 @@ class MapFolder:
         wanted = {"vnav": __version__, "settings": dict(settings), "inputs": dict(inputs)}
         if made_from != json.loads(to_json(wanted)):
             return False
-        return bool(record["files"] == _digests(self.root / stage))
+        return self.is_whole(stage)
+
+    def is_whole(self, stage: str) -> bool:
+        """Whether a finished stage's folder holds the files that the stage wrote, and no others."""
+        return self.files(stage) == _digests(self.root / stage)
 
     def stage(self, stage: str) -> Path:
         """Folder of a finished stage; StaleArtifact where it is missing or its inputs changed."""

@@ -1,4 +1,4 @@
-"""What a map holds, read from its folder; stages that are missing or stale are left out."""
+"""What a map holds, read from its folder; of its stages, those that are up to date and whole."""
 
 from dataclasses import asdict
 from typing import Any
@@ -23,10 +23,10 @@ UNJOINED = "no loop joins it to the rest of the map"
 def overview(folder: MapFolder) -> dict[str, Any]:
     """Plain values for people and JSON.
 
-    Always there: ``captures`` (id, name, frames, image size), ``stages`` (state "current", "stale"
-    or "missing", size, seconds of the last run), ``size_mb`` of these, ``current`` (the last
-    located pose or None), ``quality`` (the verdict on the map and its reasons, None before it is
-    finished).
+    Always there: ``captures`` (id, name, frames, image size), ``stages`` (state "current", "stale",
+    "missing" or, where files are not as the stage wrote them, "damaged"; size, seconds of the last
+    run), ``size_mb`` of these, ``current`` (the last located pose or None), ``quality`` (the
+    verdict on the map and its reasons, None before it is finished).
     With odometry: ``frames, tracked, posed, keyframes, lost`` (spans of one capture, with the
     reason), ``light`` that was taken off captures. With loops: ``loops``, as `counted` has them.
     With optimise: ``landmarks, world, path_m``. With fuse: ``grid`` (size, area of each state).
@@ -71,7 +71,7 @@ def has_verdict(folder: MapFolder) -> bool:
 
 def _state(folder: MapFolder, stage: str) -> str:
     if folder.has(stage):
-        return "current"
+        return "current" if folder.is_whole(stage) else "damaged"
     return "stale" if (folder.root / stage / "stage.json").is_file() else "missing"
 
 
