@@ -19,7 +19,7 @@ OWN_CODE = re.compile(r'File ".*/vnav/(?!__init__)')  # in a traceback: vnav had
 TRACEBACK = "Traceback (most recent call last)"
 VOLATILE = {"seconds", "cpu_seconds", "size_mb", "map", "photo"}  # keys of answers in JSON
 MEASURED = re.compile(r"\d+\.\d+ (s|MB)\b")
-LACKING = ("missing", "stale")  # stages, as `info` and `config` tell of them
+LACKING = ("missing", "stale", "damaged")  # stages, as `info` and `config` tell of them
 FAR_M, FAR_COSINE = 0.30, 0.0872**2  # of a wrong pose; squared sine of half of 10 degrees
 
 
