@@ -20,7 +20,7 @@ def inverse(T: Array) -> Array:
 
 @compiled
 def transform(T: Array, point: Array | Point) -> Point:
-    """A point moved by T, as values: an array for each point would take longer than the rest."""
+    """A point moved by T, as three numbers: to make an array of each would take longer."""
     x, y, z = point[0], point[1], point[2]
     return (
         T[0, 3] + T[0, 0] * x + T[0, 1] * y + T[0, 2] * z,

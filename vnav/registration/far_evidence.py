@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from vnav.compiled import compiled
 from vnav.core.arrays import Array, Floats
-from vnav.registration.compiled_geometry import MIN_Z_M
-from vnav.registration.pixel_evidence import bilinear, log_likelihood
+from vnav.registration.compiled_geometry import MIN_Z_M, Point
+from vnav.registration.pixel_evidence import bilinear, depths_around, log_likelihood
 
 NEAREST = 0.5  # 1/m: what is nearer than 2 m would have depth
 APART_PX = 1.0  # along that line, from one distance to the next that is tried
@@ -35,17 +35,16 @@ def met_far(
     count = _distances(T_b_a, cameras, pixels)
     met = np.full((len(pixels), count, 2), np.nan)
     here, there = cameras[0], cameras[1]
-    turned, p = np.empty(3), np.empty(3)
     for n in range(len(pixels)):
-        _turn(turned, T_b_a, here, pixels[n])
+        ray = _turned(T_b_a, here, pixels[n])
         for d in range(count):
             w = NEAREST * d / max(count - 1, 1)
-            for k in range(3):
-                p[k] = turned[k] + w * T_b_a[k, 3]
-            if p[2] <= MIN_Z_M:
+            z = ray[2] + w * T_b_a[2, 3]
+            if z <= MIN_Z_M:
                 continue
-            u, v = there[0] * p[0] / p[2] + there[2], there[1] * p[1] / p[2] + there[3]
-            if _is_far_around(b, u, v):
+            u = there[0] * (ray[0] + w * T_b_a[0, 3]) / z + there[2]
+            v = there[1] * (ray[1] + w * T_b_a[1, 3]) / z + there[3]
+            if depths_around(b, u, v) == 0:
                 brightness, across, down = bilinear(b, 1, u, v)
                 edge = across**2 + down**2
                 place = sigmas[0] ** 2 + APART_PX**2 / 12
@@ -87,29 +86,23 @@ def far_log_likelihoods(
 def _distances(T_b_a: Array, cameras: Array, pixels: NDArray[np.int64]) -> int:
     """How many distances are tried, so that they are `APART_PX` from each other in b."""
     here, there = cameras[0], cameras[1]
-    farthest, turned = 0.0, np.empty(3)
+    farthest = 0.0
     for n in range(len(pixels)):
-        _turn(turned, T_b_a, here, pixels[n])
-        z = turned[2] + NEAREST * T_b_a[2, 3]
-        if turned[2] > MIN_Z_M and z > MIN_Z_M:
-            across = (turned[0] + NEAREST * T_b_a[0, 3]) / z - turned[0] / turned[2]
-            down = (turned[1] + NEAREST * T_b_a[1, 3]) / z - turned[1] / turned[2]
+        ray = _turned(T_b_a, here, pixels[n])
+        z = ray[2] + NEAREST * T_b_a[2, 3]
+        if ray[2] > MIN_Z_M and z > MIN_Z_M:
+            across = (ray[0] + NEAREST * T_b_a[0, 3]) / z - ray[0] / ray[2]
+            down = (ray[1] + NEAREST * T_b_a[1, 3]) / z - ray[1] / ray[2]
             farthest = max(farthest, np.hypot(there[0] * across, there[1] * down))
     return int(min(np.ceil(farthest / APART_PX) + 1, MOST))
 
 
 @compiled
-def _turn(turned: Array, T_b_a: Array, camera: Array, pixel: NDArray[np.int64]) -> None:
-    """The ray of a pixel as b has it, in place."""
+def _turned(T_b_a: Array, camera: Array, pixel: NDArray[np.int64]) -> Point:
+    """The ray of a pixel as b has it."""
     x, y = (pixel[0] - camera[2]) / camera[0], (pixel[1] - camera[3]) / camera[1]
-    for k in range(3):
-        turned[k] = T_b_a[k, 0] * x + T_b_a[k, 1] * y + T_b_a[k, 2]
-
-
-@compiled
-def _is_far_around(image: Floats, x: float, y: float) -> bool:
-    """Whether none of the four pixels about a place has depth; False outside of the image."""
-    height, width = image.shape[:2]
-    if not (0 <= x < width - 1 and 0 <= y < height - 1):
-        return False
-    return bool(image[int(y) : int(y) + 2, int(x) : int(x) + 2, 0].max() <= 0)
+    return (
+        T_b_a[0, 0] * x + T_b_a[0, 1] * y + T_b_a[0, 2],
+        T_b_a[1, 0] * x + T_b_a[1, 1] * y + T_b_a[1, 2],
+        T_b_a[2, 0] * x + T_b_a[2, 1] * y + T_b_a[2, 2],
+    )

@@ -69,7 +69,7 @@ def carried(
         if z <= MIN_Z_M:
             continue
         x, y = there[0] * px / z + there[2], there[1] * py / z + there[3]
-        if not _has_depth_around(b, x, y):
+        if depths_around(b, x, y) < 4:
             continue
         depth, grey, scale = bilinear(b, 0, x, y), bilinear(b, 1, x, y), 1 / z / w
         noise = _spread(depth, grey, sigmas, scale)
@@ -98,7 +98,7 @@ def lateness(image: Floats, camera: Array, pixels: NDArray[np.int64]) -> Array:
     late = np.full((len(pixels), 3), np.nan)
     for n in range(len(pixels)):
         u, v = pixels[n]
-        if _has_depth_around(image, u, v):
+        if depths_around(image, u, v) == 4:
             depth = bilinear(image, 0, u, v)
             late[n, 0], late[n, 1], late[n, 2] = _late(depth, camera, u, v, len(image))
     return late
@@ -145,15 +145,14 @@ def _apart(p: Point, q: Point, camera: Array) -> tuple[float, float]:
 
 
 @compiled
-def _has_depth_around(image: Floats, x: float, y: float) -> bool:
-    """Whether all four pixels about a place have depth; False outside of the image."""
+def depths_around(image: Floats, x: float, y: float) -> int:
+    """How many of the four pixels about a place have depth; -1 outside of the image."""
     height, width = image.shape[:2]
     if not (0 <= x < width - 1 and 0 <= y < height - 1):
-        return False
+        return -1
     u, v = int(x), int(y)
-    if image[v, u, 0] <= 0 or image[v, u + 1, 0] <= 0:
-        return False
-    return bool(image[v + 1, u, 0] > 0 and image[v + 1, u + 1, 0] > 0)
+    above = int(image[v, u, 0] > 0) + int(image[v, u + 1, 0] > 0)
+    return above + int(image[v + 1, u, 0] > 0) + int(image[v + 1, u + 1, 0] > 0)
 
 
 @compiled
