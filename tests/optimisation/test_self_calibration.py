@@ -11,7 +11,7 @@ from vnav.core.frame import Edge, Features
 from vnav.core.mapping import FrameFeatures
 from vnav.features.lifting import lift
 from vnav.features.sift import SPACE
-from vnav.optimisation.displacement import displacements, without_displacement
+from vnav.optimisation.displacement import without_displacement
 from vnav.optimisation.feature_tracks import FeatureTracks, merged
 from vnav.optimisation.observation_selection import ObservationSelection
 from vnav.optimisation.self_calibration import (
@@ -21,9 +21,10 @@ from vnav.optimisation.self_calibration import (
     SensorCalibration,
     calibrated,
 )
-from vnav.optimisation.sensor_errors import MovingSensor, SensorErrors
+from vnav.optimisation.sensor_errors import MovingCamera, MovingSensor, SensorErrors
 from vnav.optimisation.sensor_model import Bundle, SensorModel
 from vnav.optimisation.solution_report import sensor_lines
+from vnav.registration.correspondences import Correspondences
 from vnav.synthetic import MINIATURE, Scene, one_room
 from vnav.synthetic.rendered_capture import camera_poses
 
@@ -88,7 +89,8 @@ def moving_scene(errors: SensorErrors, seed: int = 0, moves: float = 1.0) -> Mov
     both = np.concatenate(matches).astype(np.int32)
     seen_by = np.array([k.has_depth for k in keyframes])
     both = both[seen_by[both[:, 0], both[:, 1]] & seen_by[both[:, 2], both[:, 3]]]
-    sensor = MovingSensor(keyframes, [CAMERA] * KEYFRAMES, twists, depths.__getitem__, CONFIG)
+    cameras = [MovingCamera(CAMERA, twist) for twist in twists]
+    sensor = MovingSensor(keyframes, cameras, depths.__getitem__, CONFIG)
     return MovingScene(
         T,
         twists,
@@ -241,26 +243,44 @@ def test_the_offset_of_depth_is_found_beside_delays() -> None:
     assert (np.abs(sensor.errors.vector - errors.vector) < 4 * sensor.sigmas + [1e-4, 0, 0]).all()
 
 
-def test_edges_are_freed_of_what_delays_displace(delayed: MovingScene) -> None:
-    """Edges of the motion that fits two frames' points best, as these are measured."""
-    rows, T = np.arange(KEYFRAMES), delayed.T_world_camera
-    measured = delayed.tracks.points_camera.reshape(KEYFRAMES, POINTS, 3)
-    edges = []
-    for i, j in zip(rows[:-1].tolist(), rows[1:].tolist(), strict=True):
-        T_i_j = se3.inverse(T[i]) @ T[j]
-        both = np.isfinite(measured[i, :, 2]) & np.isfinite(measured[j, :, 2])
-        for _ in range(10):  # without what lies behind an edge of depth
-            fitted = se3.transform(T_i_j, measured[j])
-            near = np.linalg.norm(measured[i] - fitted, axis=1) < 0.1
-            T_i_j = se3.align(measured[i, both & near], measured[j, both & near])
-        edges.append(Edge(i, j, T_i_j, np.eye(6)))
-    displaced = displacements(delayed.sensor, ERRORS, delayed.twists, rows)
+@pytest.mark.parametrize("apart", [1, 2, 3])
+def test_edges_are_freed_of_what_delays_displace(delayed: MovingScene, apart: int) -> None:
+    """Those that registration finds; and what is left of it they do not deny."""
+    edges = registered(delayed, apart)
+    freed = without_displacement(edges, delayed.T_world_camera, delayed.sensor, ERRORS)
+    assert [(e.i, e.j) for e in freed] == [(e.i, e.j) for e in edges]
+    before, after = off(delayed, edges), off(delayed, freed)
+    assert (np.linalg.norm(after, axis=(0, 2)) < 0.5 * np.linalg.norm(before, axis=(0, 2))).all()
+    surprise = [d.ravel() @ e.information @ d.ravel() for d, e in zip(after, freed, strict=True)]
+    assert np.mean(surprise) < 6  # the mean of chi-squared with so many degrees of freedom
 
-    def off_rad(found: list[Edge]) -> float:
-        errors = [se3.inverse(se3.inverse(T[e.i]) @ T[e.j]) @ e.T_i_j for e in found]
-        return float(np.sqrt(np.mean(se3.rotation_angle(np.array(errors)) ** 2)))
 
-    assert off_rad(without_displacement(edges, displaced)) < 0.5 * off_rad(edges)
+def test_an_edge_whose_frames_see_nothing_of_the_keyframe_stays(delayed: MovingScene) -> None:
+    T = delayed.T_world_camera.copy()
+    T[1:] = T[1:] @ se3.make(se3.exp_so3([0, np.pi, 0]), np.zeros(3))
+    (edge,) = without_displacement([Edge(0, 1, np.eye(4), np.eye(6))], T, delayed.sensor, ERRORS)
+    np.testing.assert_array_equal(edge.T_i_j, np.eye(4))
+
+
+def registered(scene: MovingScene, apart: int) -> list[Edge]:
+    """Edges between keyframes so far apart, by what both measure of the same points."""
+    edges, both = [], [k.has_depth for k in scene.sensor.keyframes]
+    for i in range(KEYFRAMES - apart):
+        j = i + apart
+        rows = np.flatnonzero(both[i] & both[j]).astype(np.int32)
+        pair = scene.sensor.keyframes[i], scene.sensor.keyframes[j]
+        matches = Correspondences(*pair, np.column_stack([rows, rows]), (CAMERA, CAMERA), CONFIG)
+        T_i_j = se3.inverse(scene.T_world_camera[i]) @ scene.T_world_camera[j]
+        found, information, _ = matches.refined(T_i_j)
+        edges.append(Edge(i, j, found, information))
+    return edges
+
+
+def off(scene: MovingScene, edges: list[Edge]) -> np.ndarray:
+    """How far edges are off (E, 2, 3), rad and m."""
+    T = scene.T_world_camera
+    errors = [se3.deviation(se3.inverse(se3.inverse(T[e.i]) @ T[e.j]) @ e.T_i_j) for e in edges]
+    return np.reshape(errors, (-1, 2, 3))
 
 
 def test_the_summary_tells_what_is_wrong_with_the_sensor() -> None:

@@ -1,52 +1,147 @@
-"""Where registration puts a camera whose sensor errs while it moves, and edges freed of that."""
+"""What a moving sensor's errors make of edges between frames, and edges freed of that.
 
-from collections.abc import Iterable
-from dataclasses import replace
+Points that are seen late lie elsewhere in the camera. A rigid motion fits part of that, and
+registration takes it for the camera's own. How much depends on what both frames see of the scene,
+so points of a keyframe are registered once more, as such a sensor shows them from known poses.
+"""
+
+import os
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, replace
+from itertools import chain, compress
 
 import numpy as np
 
 from vnav.config import RegistrationConfig
 from vnav.core import se3
-from vnav.core.arrays import Array, Rows
+from vnav.core.arrays import Array
+from vnav.core.camera import Intrinsics
 from vnav.core.frame import Edge
 from vnav.features.lifting import inverse_depth_planes
-from vnav.optimisation.sensor_errors import MovingSensor, MovingView, SensorErrors
-from vnav.optimisation.sensor_model import Bundle, Observations, SensorModel
+from vnav.optimisation.sensor_errors import MovingCamera, MovingSensor, MovingView, SensorErrors
+from vnav.registration.refinement import gauss_newton
+
+MOST_PATCHES = 200  # of a keyframe
+NEAREST_M = 0.1  # that anything is seen from
+UNSURE = 0.3  # share of a displacement that edges keep: frames match other points than a keyframe's
+ROUNDS = 2  # to find the row, and so the time, at which a point is seen
 
 
-def displacements(
-    sensor: MovingSensor, errors: SensorErrors, twists: Array, keyframe_rows: Rows
-) -> Array:
-    """Tangents (N, 6) by which registration displaces frames that move by ``twists`` (N, 6).
+@dataclass(frozen=True)
+class Patches:
+    """Surface around F points (F, 3) of a camera: a plane of the points X where ``plane @ X`` is 1.
 
-    Points that are seen late lie elsewhere in the camera. A rigid motion fits part of that, and is
-    taken for the camera's own. It is linear in the twist, and told by the features of the
-    keyframe before, for other frames' are not kept.
+    The inverse depth of a plane (F, 3) is linear in the pixel.
     """
-    by_twist = np.stack([_by_twist(view, errors, sensor.config) for view in sensor.views()])
-    frames = np.arange(len(twists))
-    before = np.searchsorted(keyframe_rows, frames, side="right") - 1
-    return np.asarray((by_twist[before.clip(0)] @ twists[:, :, None])[..., 0])
+
+    points: Array
+    planes: Array
+
+    @classmethod
+    def of(cls, view: MovingView, config: RegistrationConfig) -> "Patches":
+        """Those around some of a keyframe's features with depth."""
+        camera, rows = view.camera.intrinsics, np.flatnonzero(view.keyframe.has_depth)
+        few = rows[:: 1 + len(rows) // MOST_PATCHES]
+        px = view.keyframe.features.keypoints_px[few].astype(float)
+        found = inverse_depth_planes(px, view.depth_m, config)
+        known = np.isfinite(found[:, 0])
+        inverse, x, y = (found[known] * (1, camera.fx, camera.fy)).T
+        rays = camera.unproject(px[known], np.ones(len(inverse)))
+        planes = np.stack([x, y, inverse - x * rays[:, 0] - y * rays[:, 1]], 1)
+        return cls(rays / inverse[:, None], planes)
+
+    def seen_from(self, T_a_b: Array) -> "Patches":
+        """The same in camera b, if they are in camera a."""
+        away = 1 - self.planes @ T_a_b[:3, 3]
+        points = se3.transform(se3.inverse(T_a_b), self.points)
+        return Patches(points, self.planes @ T_a_b[:3, :3] / away[:, None])
+
+    def measured(self, camera: MovingCamera, errors: SensorErrors) -> Array:
+        """Pixel and inverse depth (F, 3) that the camera measures of them; NaN where it does not.
+
+        Of each point a pixel, and the depth of its plane there.
+        """
+        front = self.points[:, 2] > NEAREST_M
+        points = np.where(front[:, None], self.points, np.nan)
+        at_stamp, inverse = camera.intrinsics.project(points), 1 / points[:, 2]
+        px = at_stamp
+        for _ in range(ROUNDS):
+            px, _ = camera.moved(at_stamp, inverse, camera.rows(px) * errors.line_delay_s)
+        late = self.seen_from(se3.exp(errors.depth_delay_s * camera.twist))
+        depth = (late.planes * camera.intrinsics.unproject(px, np.ones(len(px)))).sum(1)
+        last_px = np.array(camera.intrinsics.size) - 1
+        seen = ((px >= 0) & (px <= last_px)).all(1) & (depth > 0)
+        found = np.column_stack([px, depth + errors.depth_offset])
+        return np.where(seen[:, None], found, np.nan)
 
 
-def without_displacement(edges: Iterable[Edge], displacement: Array) -> list[Edge]:
-    """The edges between cameras that are not displaced by tangents (N, 6)."""
-    T = se3.exp(displacement)
-    T_inverse = se3.inverse(T)
-    return [replace(e, T_i_j=T[e.i] @ e.T_i_j @ T_inverse[e.j]) for e in edges]
+def without_displacement(
+    edges: Sequence[Edge], T_world_camera: Array, sensor: MovingSensor, errors: SensorErrors
+) -> list[Edge]:
+    """The edges between frames as a sensor without these errors would have measured them.
+
+    ``T_world_camera`` (N, 4, 4) of all frames. What both frames see of the keyframe before tells;
+    where that is too little, an edge stays as it is, and all do where there are no delays.
+    """
+    if not errors.delayed:
+        return list(edges)
+    rows = [keyframe.row for keyframe in sensor.keyframes]
+    before = (np.searchsorted(rows, [e.i for e in edges], side="right") - 1).clip(0)
+
+    def of_keyframe(k: int) -> list[Edge]:
+        seen = _SeenKeyframe(sensor, errors, k, T_world_camera)
+        return [seen.freed(edge) for edge in compress(edges, before == k)]
+
+    with ThreadPoolExecutor(os.cpu_count()) as pool:
+        return [*chain(*pool.map(of_keyframe, np.unique(before).tolist()))]
 
 
-def _by_twist(view: MovingView, errors: SensorErrors, config: RegistrationConfig) -> Array:
-    """The tangent (6, 6) that each of the six unit twists displaces a camera by."""
-    px = view.keyframe.features.keypoints_px.astype(float)
-    planes = inverse_depth_planes(px, view.depth_m, config)
-    known = np.isfinite(planes[:, 0])
-    px, inverse, slopes = px[known], planes[known, 0], planes[known, 1:]
-    delays = replace(errors, depth_offset=0.0).vector
-    moving = [view.with_twist(twist) for twist in np.eye(6)]
-    shifts = np.stack([m.by_error(px, inverse, slopes) @ delays for m in moving], 2)
-    model, rows = SensorModel([view.intrinsics], config), np.arange(len(px), dtype=np.int32)
-    bundle = Bundle(np.eye(4)[None], view.intrinsics.unproject(px, 1 / inverse))
-    _, J, _ = model.linearised(bundle, Observations(rows, np.zeros_like(rows), px, inverse))
-    across = (shifts / model.sigmas[:, None]).reshape(-1, 6)
-    return np.asarray(np.linalg.lstsq(J.reshape(-1, 6), across, rcond=None)[0])
+class _SeenKeyframe:
+    """What frames show of one keyframe, by a sensor with errors, from poses (N, 4, 4)."""
+
+    def __init__(
+        self, sensor: MovingSensor, errors: SensorErrors, keyframe: int, T_world_camera: Array
+    ) -> None:
+        self._sensor, self._errors, self._T_world_camera = sensor, errors, T_world_camera
+        self._T_keyframe_world = se3.inverse(T_world_camera[sensor.keyframes[keyframe].row])
+        self._patches = Patches.of(sensor.view(keyframe), sensor.config)
+        self._measured: dict[int, Array] = {}
+
+    def freed(self, edge: Edge) -> Edge:
+        """An edge without what the errors displace, and so much less sure."""
+        T_i_j = se3.inverse(self._T_world_camera[edge.i]) @ self._T_world_camera[edge.j]
+        cameras = [self._sensor.cameras[row].intrinsics for row in (edge.i, edge.j)]
+        measured = self._of(edge.i), self._of(edge.j)
+        found = _registered(T_i_j, measured, cameras, self._sensor.config)
+        if found is None:
+            return edge
+        undo = se3.inverse(found) @ T_i_j
+        unsure = UNSURE * np.linalg.norm(se3.deviation(undo).reshape(2, 3), axis=1)
+        return replace(edge, T_i_j=edge.T_i_j @ undo).with_added_noise(*unsure)
+
+    def _of(self, row: int) -> Array:
+        """What a frame measures (F, 3), computed once."""
+        if row not in self._measured:
+            T_keyframe_camera = self._T_keyframe_world @ self._T_world_camera[row]
+            seen = self._patches.seen_from(T_keyframe_camera)
+            self._measured[row] = seen.measured(self._sensor.cameras[row], self._errors)
+        return self._measured[row]
+
+
+def _registered(
+    T_a_b: Array,
+    measured: tuple[Array, Array],
+    cameras: Sequence[Intrinsics],
+    config: RegistrationConfig,
+) -> Array | None:
+    """The motion near ``T_a_b`` that fits what a and b measure (F, 3) best; None by too few."""
+    a, b = (found[np.isfinite(measured).all((0, 2))] for found in measured)
+    if len(a) < config.min_inliers:
+        return None
+    source = cameras[0].unproject(a[:, :2], 1 / a[:, 2])
+    fx_fy_cx_cy = np.array([(c.fx, c.fy, c.cx, c.cy) for c in cameras])
+    pixel, depth = config.pixel_sigma_px**2, config.depth_sigma_per_m2**2
+    noise = np.array([pixel, pixel, depth]), np.full(len(a), depth)
+    found, _, _ = gauss_newton(T_a_b, source, b, np.ones(len(a), bool), fx_fy_cx_cy, *noise)
+    return np.asarray(found)

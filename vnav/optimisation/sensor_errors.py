@@ -5,9 +5,9 @@ and Prazdny 1980. A row that is exposed later, or depth that is measured later, 
 """
 
 import os
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import astuple, dataclass, replace
+from dataclasses import astuple, dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,8 +15,9 @@ from numpy.typing import NDArray
 from vnav.config import RegistrationConfig
 from vnav.core.arrays import Array
 from vnav.core.camera import Intrinsics
-from vnav.core.mapping import FrameFeatures
+from vnav.core.mapping import FrameFeatures, Odometry
 from vnav.features.lifting import inverse_depth_planes
+from vnav.optimisation.camera_motion import velocities
 
 DepthOf = Callable[[int], NDArray[np.float32]]
 
@@ -58,69 +59,20 @@ class Readings:
 
 
 @dataclass(frozen=True)
-class MovingView:
-    """A keyframe's features and depth image (H, W), and its camera's twist (6,) in rad/s and m/s.
+class MovingCamera:
+    """A camera that moves by a twist (6,) as it takes a frame: rad/s and m/s, rotation first.
 
-    The twist is in the camera's own axes, rotation first.
+    The twist is in the camera's own axes.
     """
 
-    keyframe: FrameFeatures
-    depth_m: NDArray[np.float32]
     intrinsics: Intrinsics
     twist: Array
 
-    def with_twist(self, twist: Array) -> "MovingView":
-        """The same, were the camera moving so."""
-        return replace(self, twist=twist)
-
-    def readings(self, errors: SensorErrors, config: RegistrationConfig) -> Readings:
-        """What its features would show, had the sensor no errors.
-
-        A feature is looked up in the depth image where that shows it: at its own pixel, but for
-        what the camera moves from the one exposure to the other.
-        """
-        px = self.keyframe.features.keypoints_px.astype(float)
-        row_s = self._rows(px) * errors.line_delay_s
-        apart_s = errors.depth_delay_s - row_s
-        guess = _filled(1 / self.keyframe.points_camera[:, 2].astype(float))
-        depth_px, _ = self._moved(px, guess, apart_s)
-        planes = inverse_depth_planes(depth_px, self.depth_m, config)
-        found = planes[:, 0] - errors.depth_offset
-        there = np.where(np.isnan(found), guess, found)
-        _, inverse = self._moved(depth_px, there, -apart_s)
-        px_at_stamp, _ = self._moved(px, inverse, -row_s)
-        _, at_stamp = self._moved(depth_px, there, np.full(len(px), -errors.depth_delay_s))
-        by_error = self.by_error(px_at_stamp, at_stamp, np.nan_to_num(planes[:, 1:]))
-        at_stamp[np.isnan(found)] = np.nan
-        points = self.intrinsics.unproject(px_at_stamp, 1 / at_stamp)
-        return Readings(px_at_stamp, points, by_error)
-
-    def by_error(self, px: Array, inverse: Array, slopes: Array) -> Array:
-        """How pixel and inverse depth (F, 3) that are measured grow with each error: (F, 3, 3).
-
-        ``slopes`` (F, 2): of the inverse depth, which a depth image has under a pixel that lies
-        elsewhere on the surface by then.
-        """
-        flow, growth = self._flow(px, inverse)
-        along, rows = (slopes * flow).sum(1), self._rows(px)
-        found = np.zeros((len(px), 3, 3))
-        found[:, 2, 0] = 1
-        found[:, 2, 1] = growth - along
-        found[:, :2, 2], found[:, 2, 2] = flow * rows[:, None], along * rows
-        return found
-
-    def _rows(self, px: Array) -> Array:
-        """Rows (F,) below the middle one."""
+    def rows(self, px: Array) -> Array:
+        """Rows (F,) of pixels (F, 2) below the middle one."""
         return np.asarray(px[:, 1] - (self.intrinsics.height - 1) / 2)
 
-    def _flow(self, px: Array, inverse: Array) -> tuple[Array, Array]:
-        """Pixels (F, 2) and inverse depth (F,) that a point gains in a second."""
-        rays = self.intrinsics.unproject(px, np.ones(len(px)))
-        motion = -np.cross(self.twist[:3], rays) - self.twist[3:] * inverse[:, None]
-        across = motion[:, :2] - rays[:, :2] * motion[:, 2:]
-        return across * (self.intrinsics.fx, self.intrinsics.fy), -inverse * motion[:, 2]
-
-    def _moved(self, px: Array, inverse: Array, after_s: Array) -> tuple[Array, Array]:
+    def moved(self, px: Array, inverse: Array, after_s: Array) -> tuple[Array, Array]:
         """Where points (F,) at a pixel and inverse depth are seen after a time (F,).
 
         To second order: the third is a fiftieth of a pixel after 30 ms at 120 degrees a second.
@@ -131,40 +83,104 @@ class MovingView:
         moved = points - after * rate + after**2 / 2 * np.cross(spin, rate)
         return self.intrinsics.project(moved), 1 / moved[:, 2]
 
+    def by_error(self, px: Array, inverse: Array, slopes: Array) -> Array:
+        """How pixel and inverse depth (F, 3) that are measured grow with each error: (F, 3, 3).
+
+        ``slopes`` (F, 2): of the inverse depth, which a depth image has under a pixel that lies
+        elsewhere on the surface by then.
+        """
+        flow, growth = self._flow(px, inverse)
+        along, rows = (slopes * flow).sum(1), self.rows(px)
+        found = np.zeros((len(px), 3, 3))
+        found[:, 2, 0] = 1
+        found[:, 2, 1] = growth - along
+        found[:, :2, 2], found[:, 2, 2] = flow * rows[:, None], along * rows
+        return found
+
+    def _flow(self, px: Array, inverse: Array) -> tuple[Array, Array]:
+        """Pixels (F, 2) and inverse depth (F,) that a point gains in a second."""
+        rays = self.intrinsics.unproject(px, np.ones(len(px)))
+        motion = -np.cross(self.twist[:3], rays) - self.twist[3:] * inverse[:, None]
+        across = motion[:, :2] - rays[:, :2] * motion[:, 2:]
+        return across * (self.intrinsics.fx, self.intrinsics.fy), -inverse * motion[:, 2]
+
+
+@dataclass(frozen=True)
+class MovingView:
+    """A keyframe's features and depth image (H, W), and the camera that took it."""
+
+    keyframe: FrameFeatures
+    depth_m: NDArray[np.float32]
+    camera: MovingCamera
+
+    def readings(self, errors: SensorErrors, config: RegistrationConfig) -> Readings:
+        """What its features would show, had the sensor no errors.
+
+        A feature is looked up in the depth image where that shows it: at its own pixel, but for
+        what the camera moves from the one exposure to the other.
+        """
+        px, camera = self.keyframe.features.keypoints_px.astype(float), self.camera
+        row_s = camera.rows(px) * errors.line_delay_s
+        apart_s = errors.depth_delay_s - row_s
+        guess = _filled(1 / self.keyframe.points_camera[:, 2].astype(float))
+        depth_px, _ = camera.moved(px, guess, apart_s)
+        planes = inverse_depth_planes(depth_px, self.depth_m, config)
+        found = planes[:, 0] - errors.depth_offset
+        there = np.where(np.isnan(found), guess, found)
+        _, inverse = camera.moved(depth_px, there, -apart_s)
+        px_at_stamp, _ = camera.moved(px, inverse, -row_s)
+        _, at_stamp = camera.moved(depth_px, there, np.full(len(px), -errors.depth_delay_s))
+        by_error = camera.by_error(px_at_stamp, at_stamp, np.nan_to_num(planes[:, 1:]))
+        at_stamp[np.isnan(found)] = np.nan
+        points = camera.intrinsics.unproject(px_at_stamp, 1 / at_stamp)
+        return Readings(px_at_stamp, points, by_error)
+
 
 class MovingSensor:
-    """The keyframes' views; ``depth_of`` reads the depth image of a row when it is asked for."""
+    """The keyframes' views, and the cameras (N,) of all frames as they move.
+
+    ``depth_of`` reads the depth image of a row when it is asked for.
+    """
 
     def __init__(
         self,
         keyframes: Sequence[FrameFeatures],
-        intrinsics: Sequence[Intrinsics],
-        twists: Array,
+        cameras: Sequence[MovingCamera],
         depth_of: DepthOf,
         config: RegistrationConfig,
     ) -> None:
-        self._keyframes, self._intrinsics, self._twists = keyframes, intrinsics, twists
+        self.keyframes, self.cameras = keyframes, cameras
         self._depth_of, self.config = depth_of, config
 
-    def views(self) -> Iterator[MovingView]:
-        """The keyframes one by one, with their depth."""
-        return map(self._view, range(len(self._keyframes)))
+    @classmethod
+    def along(
+        cls,
+        T_world_camera: Array,
+        odometry: Odometry,
+        cameras: Sequence[Intrinsics],
+        depth_of: DepthOf,
+        config: RegistrationConfig,
+    ) -> "MovingSensor":
+        """As poses (N, 4, 4) of all frames tell the motion; ``cameras``: one a capture."""
+        intrinsics = [cameras[capture] for capture in odometry.frames.capture]
+        moving = map(MovingCamera, intrinsics, velocities(T_world_camera, odometry.frames))
+        return cls(odometry.keyframes, list(moving), depth_of, config)
+
+    def view(self, k: int) -> MovingView:
+        """A keyframe by its number."""
+        keyframe = self.keyframes[k]
+        return MovingView(keyframe, self._depth_of(keyframe.row), self.cameras[keyframe.row])
 
     def readings(self, errors: SensorErrors) -> Readings:
         """What the features of all keyframes would show, had the sensor no errors."""
 
         def of_view(k: int) -> Readings:
-            return self._view(k).readings(errors, self.config)
+            return self.view(k).readings(errors, self.config)
 
         with ThreadPoolExecutor(os.cpu_count()) as pool:
-            parts = list(pool.map(of_view, range(len(self._keyframes))))
+            parts = list(pool.map(of_view, range(len(self.keyframes))))
         columns = zip(*(vars(part).values() for part in parts), strict=True)
         return Readings(*(np.concatenate(column) for column in columns))
-
-    def _view(self, k: int) -> MovingView:
-        keyframe = self._keyframes[k]
-        depth_m = self._depth_of(keyframe.row)
-        return MovingView(keyframe, depth_m, self._intrinsics[k], self._twists[k])
 
 
 def _filled(inverse: Array) -> Array:

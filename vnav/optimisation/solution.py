@@ -11,13 +11,13 @@ from vnav.config import Config
 from vnav.core.arrays import Array
 from vnav.core.camera import Intrinsics
 from vnav.core.frame import Edge
+from vnav.core.graph import ends_of
 from vnav.core.mapping import Odometry
 from vnav.core.progress import Progress, silent
 from vnav.optimisation import pose_graph
 from vnav.optimisation.bundle_problem import PosePrior
-from vnav.optimisation.camera_motion import velocities
 from vnav.optimisation.culling import needed_keyframes
-from vnav.optimisation.displacement import displacements, without_displacement
+from vnav.optimisation.displacement import without_displacement
 from vnav.optimisation.feature_tracks import FeatureTracks, merged
 from vnav.optimisation.keyframe_edges import by_number, keyframe_edges
 from vnav.optimisation.landmarks import AdjustedBundle, adjust_landmarks
@@ -31,6 +31,8 @@ from vnav.optimisation.robust_graph import RobustGraph, robust_pose_graph
 from vnav.optimisation.second_look import SecondLook
 from vnav.optimisation.sensor_errors import DepthOf, MovingSensor
 from vnav.optimisation.sensor_model import SensorModel
+
+MANY_DISPLACED = 0.1  # closures turned down that are, as a share of those kept
 
 
 @dataclass(frozen=True)
@@ -74,20 +76,24 @@ def solve(
         adjustment = _Adjustment(odometry, matches, cameras, config, depth_of)
         return _solve_given(odometry, closures, adjustment)
     robust = robust_pose_graph(odometry, closures, config.optimise, look)
-    odometry, graph = robust.odometry, robust.graph
+    odometry = robust.odometry
     adjustment = _Adjustment(odometry, matches, cameras, config, depth_of)
-    kept = tuple(compress(closures, graph.kept))
     in_main, other_parts = split_parts(robust.part, odometry.T_world_before)
-    poses = np.where(in_main[:, None, None], graph.T_world_camera, np.nan)
+    poses = np.where(in_main[:, None, None], robust.graph.T_world_camera, np.nan)
     progress("optimise", 1, 3)
-    edges = [e for e in (*odometry.edges, *kept) if in_main[e.i] and in_main[e.j]]
-    adjusted, poses, still = adjustment.of_frames(poses, kept, edges)
+    kept = tuple(compress(closures, robust.graph.kept))
+    adjusted, poses, still = adjustment.of_frames(poses, kept)
+    displaced = adjustment.displaced(poses, adjusted, closures) & ~robust.graph.kept
+    if displaced.sum() > MANY_DISPLACED * len(kept):
+        robust = robust.with_closures(displaced)
+        kept = tuple(compress(closures, robust.graph.kept))
+        adjusted, poses, still = adjustment.of_frames(poses, kept)
     progress("optimise", 2, 3)
     surfaces = [] if look is None else _contradicting_surfaces(poses, adjusted, kept, look)
     if surfaces:
         graph = pose_graph.optimise(poses, still, surfaces, config.optimise.max_closure_sigmas)
         surfaces = list(compress(surfaces, graph.kept))
-        adjusted, poses, _ = adjustment.of_frames(graph.T_world_camera, kept, edges, surfaces)
+        adjusted, poses, _ = adjustment.of_frames(graph.T_world_camera, kept, surfaces)
     most = config.odometry.max_degenerate_frames
     poses, other_parts = attach_degenerate_frames(poses, odometry, other_parts, most)
     progress("optimise", 3, 3)
@@ -133,20 +139,32 @@ class _Adjustment:
     depth_of: DepthOf | None
 
     def of_frames(
-        self,
-        poses: Array,
-        closures: Sequence[Edge],
-        edges: Sequence[Edge],
-        surfaces: Sequence[Edge] = (),
+        self, poses: Array, closures: Sequence[Edge], surfaces: Sequence[Edge] = ()
     ) -> tuple[AdjustedBundle, Array, list[Edge]]:
         """The keyframes as `of_keyframes`, poses (N, 4, 4) that follow them by edges, and these.
 
-        As a sensor without delays would have measured them.
+        Edges of odometry and closures, as a sensor without delays would have measured them.
         """
         adjusted = self.of_keyframes(poses, closures, surfaces=surfaces)
-        still = self._undisplaced(edges, poses, adjusted)
-        followed = follow_keyframes(poses, adjusted.T_world_camera, self.odometry, still)
-        return adjusted, followed, still
+        T_keyframes, posed = adjusted.T_world_camera, np.isfinite(poses[:, 0, 0])
+        edges = [e for e in (*self.odometry.edges, *closures) if posed[e.i] and posed[e.j]]
+        poses = follow_keyframes(poses, T_keyframes, self.odometry, edges)
+        still = self._still(poses, adjusted, edges)
+        if still:
+            poses = follow_keyframes(poses, T_keyframes, self.odometry, still)
+        return adjusted, poses, still or edges
+
+    def displaced(
+        self, poses: Array, adjusted: AdjustedBundle, closures: Sequence[Edge]
+    ) -> NDArray[np.bool_]:
+        """Which closures (C,) a sensor without delays would have measured as the poses are."""
+        posed, agree = np.isfinite(poses[:, 0, 0]), np.zeros(len(closures), bool)
+        asked = np.asarray(posed[ends_of(closures)].all(1))
+        still = self._still(poses, adjusted, list(compress(closures, asked)))
+        if still:
+            most = self.config.optimise.max_closure_sigmas
+            agree[asked] = pose_graph.check_closures(poses, still, most).kept
+        return agree
 
     def of_keyframes(
         self,
@@ -195,15 +213,12 @@ class _Adjustment:
         edges = keyframe_edges(poses, self.odometry, closed) + by_number(surfaces, rows)
         return adjust_landmarks(poses[rows], tracks, edges, model, self.config.optimise, prior)
 
-    def _undisplaced(
-        self, edges: Sequence[Edge], poses: Array, adjusted: AdjustedBundle
-    ) -> list[Edge]:
+    def _still(self, poses: Array, adjusted: AdjustedBundle, edges: Sequence[Edge]) -> list[Edge]:
+        """The edges without what delays displace; none where there are no delays."""
         sensor, errors = self._sensor(poses), adjusted.sensor.errors
         if sensor is None or not errors.delayed:
-            return list(edges)
-        twists = velocities(poses, self.odometry.frames)
-        rows = self.odometry.keyframe_rows
-        return without_displacement(edges, displacements(sensor, errors, twists, rows))
+            return []
+        return without_displacement(edges, poses, sensor, errors)
 
     @property
     def _intrinsics(self) -> list[Intrinsics]:
@@ -214,6 +229,5 @@ class _Adjustment:
     def _sensor(self, poses: Array) -> MovingSensor | None:
         if self.depth_of is None or not self.config.optimise.estimate_delays:
             return None
-        twists = velocities(poses, self.odometry.frames)[self.odometry.keyframe_rows]
-        keyframes, config = self.odometry.keyframes, self.config.registration
-        return MovingSensor(keyframes, self._intrinsics, twists, self.depth_of, config)
+        config = self.config.registration
+        return MovingSensor.along(poses, self.odometry, self.cameras, self.depth_of, config)

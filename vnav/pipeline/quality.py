@@ -4,7 +4,7 @@ Thresholds were fitted on rendered maps by benchmarks/verdicts.py, as docs/decis
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from functools import cache
 from itertools import compress
 from typing import Any
@@ -14,11 +14,11 @@ from numpy.typing import ArrayLike, NDArray
 
 from vnav.checking.motions import contradicting_loops, unborne_steps
 from vnav.config import Config
-from vnav.core.arrays import evenly
+from vnav.core.arrays import Array, evenly
 from vnav.core.frame import Edge
 from vnav.core.graph import best_into, component_roots, ends_of
 from vnav.core.mapping import CONTRADICTS, Odometry
-from vnav.core.reduced_frame import ReducedFrame
+from vnav.core.reduced_frame import ReducedFrame, Seen
 from vnav.io.store.artifacts import (
     load_keyframe,
     load_loop_edges,
@@ -30,8 +30,11 @@ from vnav.io.store.artifacts import (
 from vnav.io.store.map_folder import MapFolder
 from vnav.optimisation.camera_fit import CameraFit
 from vnav.optimisation.camera_motion import velocities
+from vnav.optimisation.displacement import without_displacement
 from vnav.optimisation.revisits import Revisits, find_revisits
+from vnav.optimisation.sensor_errors import MovingSensor, SensorErrors
 from vnav.registration.reduction import reduced
+from vnav.stages.optimise import near_depth_of
 from vnav.tracking.pose_choice import UNSURE
 
 MOST_LOOPS = 150  # rejected ones, that are looked at
@@ -66,21 +69,16 @@ def assess(folder: MapFolder, config: Config) -> Quality:
     """The verdict on a finished map, by its revisits, loops, steps, motions and cameras."""
     odometry, poses = load_odometry(folder), load_optimised(folder).T_world_camera
     rows, registration = odometry.keyframe_rows, config.registration
-    twists = velocities(poses, odometry.frames)
-
-    @cache
-    def seen(row: int) -> ReducedFrame:
-        return reduced(load_keyframe(folder, row, odometry.frames)).moving(twists[row])
-
-    optimised = folder.report("optimise").get("values", {})
-    delay_s, cameras = optimised.get("depth_delay_s", 0.0), map_cameras(folder)
-    revisits = find_revisits(odometry, poses, delay_s, cameras, seen, config)
+    seen, optimised = _views(folder, odometry, poses), folder.report("optimise").get("values", {})
+    errors, cameras = _sensor_errors(optimised), map_cameras(folder)
+    revisits = find_revisits(odometry, poses, errors.depth_delay_s, cameras, seen, config)
     loops, rejected = _loops(folder)
     posed = int(np.isfinite(poses[:, 0, 0]).sum())
-    against = contradicting_loops(evenly(rejected, MOST_LOOPS), poses, seen, registration)
+    read = near_depth_of(folder, config)
+    sensor = MovingSensor.along(poses, odometry, cameras, read, registration)
+    against = _against(rejected, poses, seen, sensor, errors)
     unborne = unborne_steps(rows, odometry.motions, poses, seen, registration)
-    unsure = unsure_rows(odometry)
-    wrong = _wrong_fits(optimised)
+    unsure, wrong = unsure_rows(odometry), _wrong_fits(optimised)
     told = (
         _disagreement(revisits, odometry),
         _contradiction(against, odometry),
@@ -129,6 +127,22 @@ def are_joined(first_rows: NDArray[np.intp], loops: Sequence[Edge]) -> bool:
     return component_roots(np.arange(len(first_rows) + 1), between) == [0]
 
 
+def _views(folder: MapFolder, odometry: Odometry, T_world_camera: Array) -> Seen:
+    """Reads a keyframe's pixels in blocks, and how fast it moved; each once."""
+    twists = velocities(T_world_camera, odometry.frames)
+
+    @cache
+    def seen(row: int) -> ReducedFrame:
+        return reduced(load_keyframe(folder, row, odometry.frames)).moving(twists[row])
+
+    return seen
+
+
+def _sensor_errors(optimised: dict[str, Any]) -> SensorErrors:
+    """Those that were found with the poses."""
+    return SensorErrors(*(optimised.get(field.name, 0.0) for field in fields(SensorErrors)))
+
+
 def _wrong_fits(optimised: dict[str, Any]) -> list[CameraFit]:
     """Of cameras that the images contradict, by so much that they bend the map."""
     fits = [CameraFit(**told) for told in optimised.get("camera_fits", [])]
@@ -147,6 +161,19 @@ def _loops(folder: MapFolder) -> tuple[list[Edge], list[Edge]]:
     found = [v for v in load_loops(folder) if v.accepted or v.reason == CONTRADICTS]
     kept = compress(edges, (v.accepted and v.is_loop for v in found))
     return list(kept), list(compress(edges, (not v.accepted for v in found)))
+
+
+def _against(
+    rejected: Sequence[Edge],
+    T_world_camera: Array,
+    seen: Seen,
+    sensor: MovingSensor,
+    errors: SensorErrors,
+) -> list[Edge]:
+    """Those that contradict the map also without what the sensor's errors displace."""
+    asked = evenly(rejected, MOST_LOOPS)
+    still = without_displacement(asked, T_world_camera, sensor, errors)
+    return contradicting_loops(still, T_world_camera, seen, sensor.config)
 
 
 def _disagreement(revisits: Revisits, odometry: Odometry) -> str:
