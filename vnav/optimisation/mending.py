@@ -64,10 +64,10 @@ def mend(
     trusted = list(compress(odometry.edges, ~suspect))
     doubtful = [*compress(odometry.edges, suspect), *_alternatives(odometry, suspect)]
     agrees, contested = _agreement(odometry, trusted, doubtful, config.max_closure_sigmas)
-    settled = _with_edges(odometry, [*trusted, *compress(doubtful, agrees)])
+    settled = with_edges(odometry, [*trusted, *compress(doubtful, agrees)])
     gaps = find_gaps(list(compress(doubtful, contested)), settled)
     right = [right_edge(gap, settled, closures, look) for gap in gaps]
-    mended = _with_edges(odometry, [*settled.edges, *(e for e in right if e is not None)])
+    mended = with_edges(odometry, [*settled.edges, *(e for e in right if e is not None)])
     return Mended(mended, (*mends, *_mends(odometry, mended)))
 
 
@@ -80,7 +80,7 @@ def _corrected(odometry: Odometry, corrections: Sequence[Correction]) -> Odometr
         new = () if c.edge is None else (c.edge,)
         edges = (*(e for e in edges if not _is_across(e, c.stretch)), *new)
         degenerate = tuple(e for e in degenerate if not _is_across(e, c.stretch))
-    return dataclasses.replace(_with_edges(odometry, edges), degenerate_edges=degenerate)
+    return dataclasses.replace(with_edges(odometry, edges), degenerate_edges=degenerate)
 
 
 def _is_across(edge: Edge, stretch: Contradiction) -> bool:
@@ -109,7 +109,7 @@ def _alternatives(odometry: Odometry, suspect: NDArray[np.bool_]) -> list[Edge]:
     return [e for e in odometry.alternatives if (e.i, e.j) in ends]
 
 
-def _with_edges(odometry: Odometry, edges: Sequence[Edge]) -> Odometry:
+def with_edges(odometry: Odometry, edges: Sequence[Edge]) -> Odometry:
     """Odometry of these edges alone, its segments and poses by them; frames they miss are lost."""
     rows = odometry.keyframe_rows.tolist()
     poses, segment = chain(len(odometry.frames), edges, rows)

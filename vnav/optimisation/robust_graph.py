@@ -31,11 +31,6 @@ class RobustGraph:
     graph: PoseGraph
     part: NDArray[np.int32]
 
-    def with_closures(self, others: NDArray[np.bool_]) -> "RobustGraph":
-        """The same with other closures (C,) kept, too, which lie within one part."""
-        graph = dataclasses.replace(self.graph, kept=self.graph.kept | others)
-        return dataclasses.replace(self, graph=graph)
-
 
 def robust_pose_graph(
     odometry: Odometry, closures: Sequence[Edge], config: OptimiseConfig, look: SecondLook | None

@@ -21,7 +21,9 @@ from vnav.optimisation.displacement import without_displacement
 from vnav.optimisation.feature_tracks import FeatureTracks, merged
 from vnav.optimisation.keyframe_edges import by_number, keyframe_edges
 from vnav.optimisation.landmarks import AdjustedBundle, adjust_landmarks
+from vnav.optimisation.mending import with_edges
 from vnav.optimisation.parts import (
+    Parts,
     attach_degenerate_frames,
     follow_keyframes,
     split_parts,
@@ -32,7 +34,7 @@ from vnav.optimisation.second_look import SecondLook
 from vnav.optimisation.sensor_errors import DepthOf, MovingSensor
 from vnav.optimisation.sensor_model import SensorModel
 
-MANY_DISPLACED = 0.1  # closures turned down that are, as a share of those kept
+MANY_DISPLACED = 0.1  # closures turned down for it, as a share of those kept
 
 
 @dataclass(frozen=True)
@@ -66,7 +68,8 @@ def solve(
 ) -> Solution:
     """Robust pose graph, bundle adjustment of the keyframes, then the frames between them.
 
-    Once more with surfaces that were seen from two sides, where these contradict the result.
+    Once more without what the sensor's delays displace, where many closures were turned down for
+    it; and with surfaces that were seen from two sides, where these contradict the result.
     ``matches`` (M, 4): keyframe, feature, keyframe, feature; ``cameras``: one a capture. There is
     no pose graph where poses are given: `config.OptimiseConfig.given_poses` says whether they stay
     as they are or are a prior. ``depth_of``: a keyframe's depth image by its row; without these
@@ -75,29 +78,24 @@ def solve(
     if odometry.given:
         adjustment = _Adjustment(odometry, matches, cameras, config, depth_of)
         return _solve_given(odometry, closures, adjustment)
-    robust = robust_pose_graph(odometry, closures, config.optimise, look)
-    odometry = robust.odometry
-    adjustment = _Adjustment(odometry, matches, cameras, config, depth_of)
-    in_main, other_parts = split_parts(robust.part, odometry.T_world_before)
-    poses = np.where(in_main[:, None, None], robust.graph.T_world_camera, np.nan)
+    measured = _Adjustment(odometry, matches, cameras, config, depth_of)
+    found = measured.joined(closures, look)
     progress("optimise", 1, 3)
-    kept = tuple(compress(closures, robust.graph.kept))
-    adjusted, poses, still = adjustment.of_frames(poses, kept)
-    displaced = adjustment.displaced(poses, adjusted, closures) & ~robust.graph.kept
-    if displaced.sum() > MANY_DISPLACED * len(kept):
-        robust = robust.with_closures(displaced)
-        kept = tuple(compress(closures, robust.graph.kept))
-        adjusted, poses, still = adjustment.of_frames(poses, kept)
+    still = measured.undisplaced(found, closures)
+    if still is not None:
+        found = still[0].joined(still[1], look)
     progress("optimise", 2, 3)
+    adjusted, poses, kept = found.adjusted, found.poses, found.closures
     surfaces = [] if look is None else _contradicting_surfaces(poses, adjusted, kept, look)
     if surfaces:
-        graph = pose_graph.optimise(poses, still, surfaces, config.optimise.max_closure_sigmas)
+        most_sigmas = config.optimise.max_closure_sigmas
+        graph = pose_graph.optimise(poses, found.edges, surfaces, most_sigmas)
         surfaces = list(compress(surfaces, graph.kept))
-        adjusted, poses, _ = adjustment.of_frames(graph.T_world_camera, kept, surfaces)
-    most = config.odometry.max_degenerate_frames
-    poses, other_parts = attach_degenerate_frames(poses, odometry, other_parts, most)
+        adjusted, poses, _ = found.of.of_frames(graph.T_world_camera, kept, surfaces)
+    odometry, most_frames = found.robust.odometry, config.odometry.max_degenerate_frames
+    poses, others = attach_degenerate_frames(poses, odometry, found.other_parts, most_frames)
     progress("optimise", 3, 3)
-    return Solution(poses, adjusted, robust, kept, other_parts, surfaces=tuple(surfaces))
+    return Solution(poses, adjusted, found.robust, kept, others, surfaces=tuple(surfaces))
 
 
 def _contradicting_surfaces(
@@ -129,14 +127,63 @@ def _solve_given(
 
 
 @dataclass(frozen=True)
+class _Joined:
+    """One pose graph of odometry and closures, its keyframes adjusted, and what follows them.
+
+    ``of``: the adjustment of odometry as the graph left it; ``edges``: those that frames follow.
+    """
+
+    of: "_Adjustment"
+    robust: RobustGraph
+    closures: tuple[Edge, ...]
+    adjusted: AdjustedBundle
+    poses: Array
+    edges: list[Edge]
+    other_parts: Parts
+
+
+@dataclass(frozen=True)
 class _Adjustment:
-    """Bundle adjustment of the keyframes, and what it says of edges; fields as of `solve`."""
+    """Bundle adjustment of the keyframes, and what it says of edges; fields as of `solve`.
+
+    ``is_still``: odometry is as a sensor without delays would have measured it.
+    """
 
     odometry: Odometry
     matches: NDArray[np.int32]
     cameras: Sequence[Intrinsics]
     config: Config
     depth_of: DepthOf | None
+    is_still: bool = False
+
+    def joined(self, closures: Sequence[Edge], look: SecondLook | None) -> _Joined:
+        """The main part of odometry and closures, and the names of the others."""
+        robust = robust_pose_graph(self.odometry, closures, self.config.optimise, look)
+        mended = replace(self, odometry=robust.odometry)
+        in_main, other_parts = split_parts(robust.part, self.odometry.T_world_before)
+        poses = np.where(in_main[:, None, None], robust.graph.T_world_camera, np.nan)
+        kept = tuple(compress(closures, robust.graph.kept))
+        return _Joined(mended, robust, kept, *mended.of_frames(poses, kept), other_parts)
+
+    def undisplaced(
+        self, found: _Joined, closures: Sequence[Edge]
+    ) -> tuple["_Adjustment", list[Edge]] | None:
+        """Odometry and closures as a sensor without the delays found would have measured them.
+
+        None unless many of the closures were turned down that agree with the poses then.
+        """
+        still = self._still(found.poses, found.adjusted, closures)
+        if not still:
+            return None
+        posed = np.isfinite(found.poses[ends_of(still), 0, 0]).all(1)
+        asked = list(compress(still, posed & ~found.robust.graph.kept))
+        most = self.config.optimise.max_closure_sigmas
+        agree = pose_graph.check_closures(found.poses, asked, most).kept
+        if agree.sum() <= MANY_DISPLACED * len(found.closures):
+            return None
+        edges = self._still(found.poses, found.adjusted, self.odometry.edges)
+        odometry = with_edges(self.odometry, edges)
+        return replace(self, odometry=odometry, is_still=True), still
 
     def of_frames(
         self, poses: Array, closures: Sequence[Edge], surfaces: Sequence[Edge] = ()
@@ -153,18 +200,6 @@ class _Adjustment:
         if still:
             poses = follow_keyframes(poses, T_keyframes, self.odometry, still)
         return adjusted, poses, still or edges
-
-    def displaced(
-        self, poses: Array, adjusted: AdjustedBundle, closures: Sequence[Edge]
-    ) -> NDArray[np.bool_]:
-        """Which closures (C,) a sensor without delays would have measured as the poses are."""
-        posed, agree = np.isfinite(poses[:, 0, 0]), np.zeros(len(closures), bool)
-        asked = np.asarray(posed[ends_of(closures)].all(1))
-        still = self._still(poses, adjusted, list(compress(closures, asked)))
-        if still:
-            most = self.config.optimise.max_closure_sigmas
-            agree[asked] = pose_graph.check_closures(poses, still, most).kept
-        return agree
 
     def of_keyframes(
         self,
@@ -214,9 +249,9 @@ class _Adjustment:
         return adjust_landmarks(poses[rows], tracks, edges, model, self.config.optimise, prior)
 
     def _still(self, poses: Array, adjusted: AdjustedBundle, edges: Sequence[Edge]) -> list[Edge]:
-        """The edges without what delays displace; none where there are no delays."""
+        """The edges without what delays displace; none where nothing does."""
         sensor, errors = self._sensor(poses), adjusted.sensor.errors
-        if sensor is None or not errors.delayed:
+        if self.is_still or sensor is None or not errors.delayed:
             return []
         return without_displacement(edges, poses, sensor, errors)
 
