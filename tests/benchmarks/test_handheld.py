@@ -50,3 +50,21 @@ def test_the_sensors_model_must_gain_and_lose_no_frame(
 def test_the_truth_is_that_of_the_rendered_sensor(handheld: ModuleType) -> None:
     assert handheld.true_delays(handheld.HANDHELD) == TRUE
     assert handheld.true_delays(handheld.DEMO) == dict.fromkeys(TRUE, 0.0)
+
+
+def test_people_may_cost_half_as_much_again(
+    handheld: ModuleType, missed: Callable[..., Any]
+) -> None:
+    def found(off_m: float) -> list:
+        return handheld.past_people([handheld.Measurement("a", "vnav", "ATE RMSE", off_m)], 0.004)
+
+    assert not missed(found(0.0059))
+    assert missed(found(0.0061))
+
+
+def test_people_walk_through_the_faster_walk_and_nothing_else_differs(
+    handheld: ModuleType,
+) -> None:
+    alone = handheld.replace(handheld.PAST_PEOPLE, walkers=0)
+    assert handheld.PAST_PEOPLE.walkers == 2
+    assert alone == handheld.replace(handheld.FASTER, walker_share=alone.walker_share)
