@@ -91,7 +91,7 @@ def solve(
         most_sigmas = config.optimise.max_closure_sigmas
         graph = pose_graph.optimise(poses, found.edges, surfaces, most_sigmas)
         surfaces = list(compress(surfaces, graph.kept))
-        adjusted, poses, _ = found.of.of_frames(graph.T_world_camera, kept, surfaces)
+        adjusted, poses, _ = found.adjustment.of_frames(graph.T_world_camera, kept, surfaces)
     odometry, most_frames = found.robust.odometry, config.odometry.max_degenerate_frames
     poses, others = attach_degenerate_frames(poses, odometry, found.other_parts, most_frames)
     progress("optimise", 3, 3)
@@ -130,10 +130,10 @@ def _solve_given(
 class _Joined:
     """One pose graph of odometry and closures, its keyframes adjusted, and what follows them.
 
-    ``of``: the adjustment of odometry as the graph left it; ``edges``: those that frames follow.
+    ``adjustment``: of odometry as the graph left it; ``edges``: those that frames follow.
     """
 
-    of: "_Adjustment"
+    adjustment: "_Adjustment"
     robust: RobustGraph
     closures: tuple[Edge, ...]
     adjusted: AdjustedBundle
