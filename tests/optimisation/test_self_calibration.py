@@ -255,6 +255,17 @@ def test_edges_are_freed_of_what_delays_displace(delayed: MovingScene, apart: in
     assert np.mean(surprise) < 6  # the mean of chi-squared with so many degrees of freedom
 
 
+def test_edges_are_freed_one_by_one_and_keep_their_order(delayed: MovingScene) -> None:
+    """As closures come, which are not in the order of their frames."""
+    edges = registered(delayed, 2)
+    shuffled = [edges[k] for k in np.random.default_rng(0).permutation(len(edges))]
+    freed = without_displacement(shuffled, delayed.T_world_camera, delayed.sensor, ERRORS)
+    for edge, found in zip(shuffled, freed, strict=True):
+        (alone,) = without_displacement([edge], delayed.T_world_camera, delayed.sensor, ERRORS)
+        assert (found.i, found.j) == (edge.i, edge.j)
+        np.testing.assert_array_equal(found.T_i_j, alone.T_i_j)
+
+
 def test_an_edge_whose_frames_see_nothing_of_the_keyframe_stays(delayed: MovingScene) -> None:
     T = delayed.T_world_camera.copy()
     T[1:] = T[1:] @ se3.make(se3.exp_so3([0, np.pi, 0]), np.zeros(3))

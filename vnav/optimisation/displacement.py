@@ -9,7 +9,6 @@ import os
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
-from itertools import chain, compress
 
 import numpy as np
 
@@ -19,11 +18,11 @@ from vnav.core.arrays import Array
 from vnav.core.camera import Intrinsics
 from vnav.core.frame import Edge
 from vnav.features.lifting import inverse_depth_planes
+from vnav.optimisation.linearisation import NEAREST_M
 from vnav.optimisation.sensor_errors import MovingCamera, MovingSensor, MovingView, SensorErrors
 from vnav.registration.refinement import gauss_newton
 
 MOST_PATCHES = 200  # of a keyframe
-NEAREST_M = 0.1  # that anything is seen from
 UNSURE = 0.3  # share of a displacement that edges keep: frames match other points than a keyframe's
 ROUNDS = 2  # to find the row, and so the time, at which a point is seen
 
@@ -88,13 +87,16 @@ def without_displacement(
         return list(edges)
     rows = [keyframe.row for keyframe in sensor.keyframes]
     before = (np.searchsorted(rows, [e.i for e in edges], side="right") - 1).clip(0)
+    freed = list(edges)
 
-    def of_keyframe(k: int) -> list[Edge]:
+    def free(k: int) -> None:
         seen = _SeenKeyframe(sensor, errors, k, T_world_camera)
-        return [seen.freed(edge) for edge in compress(edges, before == k)]
+        for n in np.flatnonzero(before == k).tolist():
+            freed[n] = seen.freed(edges[n])
 
     with ThreadPoolExecutor(os.cpu_count()) as pool:
-        return [*chain(*pool.map(of_keyframe, np.unique(before).tolist()))]
+        list(pool.map(free, np.unique(before).tolist()))
+    return freed
 
 
 class _SeenKeyframe:
