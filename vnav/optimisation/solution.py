@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from itertools import compress
 
 import numpy as np
@@ -172,18 +173,15 @@ class _Adjustment:
 
         None unless many of the closures were turned down that agree with the poses then.
         """
-        still = self._still(found.poses, found.adjusted, closures)
-        if not still:
-            return None
-        posed = np.isfinite(found.poses[ends_of(still), 0, 0]).all(1)
-        asked = list(compress(still, posed & ~found.robust.graph.kept))
-        most = self.config.optimise.max_closure_sigmas
-        agree = pose_graph.check_closures(found.poses, asked, most).kept
+        free = partial(self._still, found.poses, found.adjusted)
+        posed = np.isfinite(found.poses[ends_of(closures), 0, 0]).all(1)
+        turned_down = free(list(compress(closures, posed & ~found.robust.graph.kept)))
+        most_sigmas = self.config.optimise.max_closure_sigmas
+        agree = pose_graph.check_closures(found.poses, turned_down, most_sigmas).kept
         if agree.sum() <= MANY_DISPLACED * len(found.closures):
             return None
-        edges = self._still(found.poses, found.adjusted, self.odometry.edges)
-        odometry = with_edges(self.odometry, edges)
-        return replace(self, odometry=odometry, is_still=True), still
+        odometry = with_edges(self.odometry, free(self.odometry.edges))
+        return replace(self, odometry=odometry, is_still=True), free(closures)
 
     def of_frames(
         self, poses: Array, closures: Sequence[Edge], surfaces: Sequence[Edge] = ()

@@ -15,12 +15,15 @@ from numpy.typing import ArrayLike, NDArray
 from vnav.checking.motions import contradicting_loops, unborne_steps
 from vnav.config import Config
 from vnav.core.arrays import Array, evenly
+from vnav.core.camera import Intrinsics
 from vnav.core.frame import Edge
 from vnav.core.graph import best_into, component_roots, ends_of
 from vnav.core.mapping import CONTRADICTS, Odometry
 from vnav.core.reduced_frame import ReducedFrame, Seen
+from vnav.features.description import near_depth
 from vnav.io.store.artifacts import (
     load_keyframe,
+    load_keyframe_depth,
     load_loop_edges,
     load_loops,
     load_odometry,
@@ -29,12 +32,10 @@ from vnav.io.store.artifacts import (
 )
 from vnav.io.store.map_folder import MapFolder
 from vnav.optimisation.camera_fit import CameraFit
-from vnav.optimisation.camera_motion import velocities
 from vnav.optimisation.displacement import without_displacement
 from vnav.optimisation.revisits import Revisits, find_revisits
 from vnav.optimisation.sensor_errors import MovingSensor, SensorErrors
 from vnav.registration.reduction import reduced
-from vnav.stages.optimise import near_depth_of
 from vnav.tracking.pose_choice import UNSURE
 
 MOST_LOOPS = 150  # rejected ones, that are looked at
@@ -69,13 +70,17 @@ def assess(folder: MapFolder, config: Config) -> Quality:
     """The verdict on a finished map, by its revisits, loops, steps, motions and cameras."""
     odometry, poses = load_odometry(folder), load_optimised(folder).T_world_camera
     rows, registration = odometry.keyframe_rows, config.registration
-    seen, optimised = _views(folder, odometry, poses), folder.report("optimise").get("values", {})
-    errors, cameras = _sensor_errors(optimised), map_cameras(folder)
+    optimised, cameras = folder.report("optimise").get("values", {}), map_cameras(folder)
+    errors, sensor = _sensor_errors(optimised), _sensor(folder, odometry, poses, cameras, config)
+
+    @cache
+    def seen(row: int) -> ReducedFrame:
+        frame = load_keyframe(folder, row, odometry.frames)
+        return reduced(frame).moving(sensor.cameras[row].twist)
+
     revisits = find_revisits(odometry, poses, errors.depth_delay_s, cameras, seen, config)
     loops, rejected = _loops(folder)
     posed = int(np.isfinite(poses[:, 0, 0]).sum())
-    read = near_depth_of(folder, config)
-    sensor = MovingSensor.along(poses, odometry, cameras, read, registration)
     against = _against(rejected, poses, seen, sensor, errors)
     unborne = unborne_steps(rows, odometry.motions, poses, seen, registration)
     unsure, wrong = unsure_rows(odometry), _wrong_fits(optimised)
@@ -127,15 +132,19 @@ def are_joined(first_rows: NDArray[np.intp], loops: Sequence[Edge]) -> bool:
     return component_roots(np.arange(len(first_rows) + 1), between) == [0]
 
 
-def _views(folder: MapFolder, odometry: Odometry, T_world_camera: Array) -> Seen:
-    """Reads a keyframe's pixels in blocks, and how fast it moved; each once."""
-    twists = velocities(T_world_camera, odometry.frames)
+def _sensor(
+    folder: MapFolder,
+    odometry: Odometry,
+    T_world_camera: Array,
+    cameras: Sequence[Intrinsics],
+    config: Config,
+) -> MovingSensor:
+    """The keyframes by a sensor that moves as the poses (N, 4, 4) tell."""
 
-    @cache
-    def seen(row: int) -> ReducedFrame:
-        return reduced(load_keyframe(folder, row, odometry.frames)).moving(twists[row])
+    def depth_of(row: int) -> NDArray[np.float32]:
+        return near_depth(load_keyframe_depth(folder, row), config)
 
-    return seen
+    return MovingSensor.along(T_world_camera, odometry, cameras, depth_of, config.registration)
 
 
 def _sensor_errors(optimised: dict[str, Any]) -> SensorErrors:

@@ -60,7 +60,7 @@ def run(folder: MapFolder, config: Config, *, progress: Progress = silent) -> Re
 
     views = partial(load_keyframe, folder, frames=odometry.frames)
     look = SecondLook(odometry, cameras, views, config)
-    depth_of = near_depth_of(folder, config)
+    depth_of = _near_depth(folder, config)
     solution = solve(odometry, closures, matches, cameras, config, progress, depth_of, look)
     surface = _keyframe_surface(depth_of, solution, odometry, cameras)
     rng = np.random.default_rng([config.seed, 2])
@@ -90,7 +90,7 @@ def final_verdicts(verdicts: Sequence[LoopVerdict], graph: PoseGraph) -> list[Lo
     ]
 
 
-def near_depth_of(folder: MapFolder, config: Config) -> DepthOf:
+def _near_depth(folder: MapFolder, config: Config) -> DepthOf:
     """Reads a keyframe's depth as odometry used it: 0 where it is too far, too.
 
     The first images stay in memory: all are asked for in turn, so the last would never be there.
