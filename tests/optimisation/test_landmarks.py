@@ -13,7 +13,7 @@ from vnav.core.mapping import FrameFeatures
 from vnav.features.sift import SPACE
 from vnav.optimisation.bundle_problem import PosePrior
 from vnav.optimisation.feature_tracks import FeatureTracks, merged
-from vnav.optimisation.landmarks import AdjustedBundle, adjust_landmarks
+from vnav.optimisation.landmarks import AdjustedBundle, rough_bundle
 from vnav.optimisation.sensor_model import SensorModel
 
 CAMERA = Intrinsics(640, 480, 525.0, 525.0, 319.5, 239.5)
@@ -41,7 +41,7 @@ class Scene:
     ) -> AdjustedBundle:
         tracks = tracked(self.keyframes, self.matches if matches is None else matches)
         model = SensorModel([CAMERA] * len(self.keyframes), NOISE)
-        return adjust_landmarks(start, tracks, joined(start), model, config, prior)
+        return rough_bundle(start, tracks, joined(start), model, config, prior).adjusted()
 
 
 def tracked(keyframes: list[FrameFeatures], matches: np.ndarray) -> FeatureTracks:
@@ -309,7 +309,7 @@ def test_one_keyframe_alone_has_landmarks_from_its_depth() -> None:
     made = scene(11)
     only = Scene(made.T[:1], made.points, made.keyframes[:1], np.zeros((0, 4), np.int32))
     tracks = tracked(only.keyframes, only.matches)
-    result = adjust_landmarks(only.T, tracks, [], SensorModel([CAMERA], NOISE), CONFIG)
+    result = rough_bundle(only.T, tracks, [], SensorModel([CAMERA], NOISE), CONFIG).adjusted()
     np.testing.assert_array_equal(result.T_world_camera, only.T)
     assert len(result.landmarks) == SHARED + ALONE
     np.testing.assert_allclose(
@@ -331,7 +331,7 @@ def test_rounds_are_set_by_the_configuration(rounds: int) -> None:
     model = SensorModel([CAMERA] * KEYFRAMES, NOISE)
     config = OptimiseConfig(bundle_rounds=rounds)
     start = disturbed(made.T)
-    result = adjust_landmarks(start, tracks, joined(start), model, config)
+    result = rough_bundle(start, tracks, joined(start), model, config).adjusted()
     # 3 numbers an observation, of which points and poses take up a quarter: sqrt(2 * 0.75) px.
     assert result.rms_px_after == pytest.approx(1.22, rel=0.1)
 
@@ -352,10 +352,7 @@ def test_one_round_allows_for_nothing() -> None:
     )
     start = disturbed(made.T)
     config = OptimiseConfig(bundle_rounds=1)
-    assert (
-        adjust_landmarks(start, tracks, joined(start), model, config).sensor.errors.depth_offset
-        == 0
-    )
+    assert rough_bundle(start, tracks, joined(start), model, config).sensor.errors.depth_offset == 0
 
 
 def test_without_rounds_the_poses_stay_and_landmarks_are_where_depth_has_them() -> None:

@@ -1,6 +1,6 @@
 """Keyframes of a furnished room by a sensor that moves, its depth late and its shutter rolling."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
@@ -15,6 +15,7 @@ from vnav.optimisation.displacement import without_displacement
 from vnav.optimisation.feature_tracks import FeatureTracks, merged
 from vnav.optimisation.observation_selection import ObservationSelection
 from vnav.optimisation.self_calibration import (
+    CONVERGED_SHARE,
     LARGEST,
     SURE_SIGMAS,
     UNKNOWN_SENSOR,
@@ -189,7 +190,7 @@ def test_what_is_measured_grows_with_the_errors_as_told(delayed: MovingScene, k:
 
 
 def test_both_delays_are_found(delayed: MovingScene) -> None:
-    sensor, _, bundle = calibrated(delayed.bundle, delayed.tracks, delayed.selection)
+    sensor, bundle = calibrated(delayed.bundle, delayed.tracks, delayed.selection)
     off = np.abs(sensor.errors.vector - ERRORS.vector)
     assert (off[1:] < 0.1 * ERRORS.vector[1:]).all()
     assert (off < 4 * sensor.sigmas).all()
@@ -199,10 +200,47 @@ def test_both_delays_are_found(delayed: MovingScene) -> None:
     assert np.linalg.norm(error[:, :3, 3], axis=1).max() < 0.01
 
 
+@pytest.mark.parametrize(("seed", "moves"), [(1, 2.5), (1, 3.0), (2, 3.0)])
+def test_delays_are_found_whose_displacement_exceeds_the_noise_by_far(
+    seed: int, moves: float
+) -> None:
+    """What tells most of them stands out then, until they are taken off."""
+    errors = SensorErrors(0.0, 0.03, 3e-5)
+    scene = moving_scene(errors, seed, moves)
+    sensor, _ = calibrated(scene.bundle, scene.tracks, scene.selection)
+    off = np.abs(sensor.errors.vector - errors.vector)
+    assert (off[1:] < 0.1 * errors.vector[1:]).all()
+
+
+def test_what_was_found_before_is_found_again_from_there(delayed: MovingScene) -> None:
+    first, bundle = calibrated(delayed.bundle, delayed.tracks, delayed.selection)
+    again, _ = calibrated(bundle, delayed.tracks, delayed.selection, first)
+    off = np.abs(again.errors.vector - first.errors.vector)
+    assert (off <= 2 * first.sigmas + CONVERGED_SHARE * first.errors.vector).all()
+
+
+def test_an_error_that_was_refused_before_is_not_looked_for_again(delayed: MovingScene) -> None:
+    known = SensorCalibration(replace(ERRORS, line_delay_s=0.0), np.array([1e-5, 1e-3, 7e-6]))
+    again, _ = calibrated(delayed.bundle, delayed.tracks, delayed.selection, known)
+    assert again.errors.line_delay_s == 0
+    assert again.sigmas[2] == known.sigmas[2]
+    assert again.errors.depth_delay_s != 0
+
+
+def test_tracks_among_all_are_measured_as_they_are_among_all(delayed: MovingScene) -> None:
+    rows = delayed.tracks.long(delayed.selection.rows)
+    assert 0 < len(rows) < len(delayed.tracks.seen)
+    some, by_error = delayed.tracks.among(rows).without(ERRORS)
+    every, by_error_of_all = delayed.tracks.without(ERRORS)
+    np.testing.assert_array_equal(some.seen.px, every.seen.px[rows])
+    np.testing.assert_array_equal(some.points_camera, every.points_camera[rows])
+    np.testing.assert_array_equal(by_error, by_error_of_all[rows])
+
+
 @pytest.mark.parametrize("seed", [1, 2])
 def test_a_sensor_without_delays_gets_none(seed: int) -> None:
     scene = moving_scene(SensorErrors(), seed)
-    sensor, _, _ = calibrated(scene.bundle, scene.tracks, scene.selection)
+    sensor, _ = calibrated(scene.bundle, scene.tracks, scene.selection)
     assert not sensor.errors.delayed
     # And it is known that they are smaller than those of a real sensor.
     assert (SURE_SIGMAS * sensor.sigmas < [1, 0.01, 2e-5]).all()
@@ -210,28 +248,28 @@ def test_a_sensor_without_delays_gets_none(seed: int) -> None:
 
 def test_a_camera_at_rest_tells_no_delay() -> None:
     scene = moving_scene(ERRORS, moves=0.0)
-    sensor, _, _ = calibrated(scene.bundle, scene.tracks, scene.selection)
+    sensor, _ = calibrated(scene.bundle, scene.tracks, scene.selection)
     assert not sensor.errors.delayed
 
 
 def test_without_depth_images_no_delay_is_told(delayed: MovingScene) -> None:
     tracks = delayed.tracks.at_rest()
-    sensor, _, _ = calibrated(delayed.bundle, tracks, delayed.selection)
+    sensor, _ = calibrated(delayed.bundle, tracks, delayed.selection)
     assert not sensor.errors.delayed
     assert np.isinf(sensor.sigmas[1:]).all()
 
 
 def test_a_delay_beyond_any_sensors_is_none() -> None:
     scene = moving_scene(SensorErrors(line_delay_s=1.5 * LARGEST[2]))
-    sensor, _, _ = calibrated(scene.bundle, scene.tracks, scene.selection)
+    sensor, _ = calibrated(scene.bundle, scene.tracks, scene.selection)
     assert sensor.errors.line_delay_s == 0
 
 
 def test_a_delay_that_is_refused_leaves_no_trace() -> None:
     """Landmarks, those of one sighting too, are where they were had it never been tried."""
     scene = moving_scene(SensorErrors(line_delay_s=1.5 * LARGEST[2]))
-    sensor, _, bundle = calibrated(scene.bundle, scene.tracks, scene.selection)
-    untried, _, at_rest = calibrated(scene.bundle, scene.tracks.at_rest(), scene.selection)
+    sensor, bundle = calibrated(scene.bundle, scene.tracks, scene.selection)
+    untried, at_rest = calibrated(scene.bundle, scene.tracks.at_rest(), scene.selection)
     assert sensor.errors == untried.errors
     np.testing.assert_array_equal(bundle.points_world, at_rest.points_world)
 
@@ -239,7 +277,7 @@ def test_a_delay_that_is_refused_leaves_no_trace() -> None:
 def test_the_offset_of_depth_is_found_beside_delays() -> None:
     errors = SensorErrors(3e-4, 0.015, 6e-5)
     scene = moving_scene(errors)
-    sensor, _, _ = calibrated(scene.bundle, scene.tracks, scene.selection)
+    sensor, _ = calibrated(scene.bundle, scene.tracks, scene.selection)
     assert (np.abs(sensor.errors.vector - errors.vector) < 4 * sensor.sigmas + [1e-4, 0, 0]).all()
 
 

@@ -9,7 +9,7 @@ from vnav.core.arrays import Array
 from vnav.core.camera import Intrinsics
 from vnav.optimisation.calibrating_step import calibrating_step
 from vnav.optimisation.feature_tracks import FeatureTracks
-from vnav.optimisation.observation_selection import ObservationSelection
+from vnav.optimisation.observation_selection import ObservationSelection, of_long_tracks
 from vnav.optimisation.sensor_model import Bundle
 
 PRIORS = 0.3, 0.1, 0.1, 0.3  # shares of the focal length, of itself and of the principal point; k1
@@ -51,6 +51,7 @@ def camera_fits(
     is, and those seen by a camera that turns where its axis is, and how it is bent off that. Where
     these do not tell, the standard deviations are those of the prior.
     """
+    tracks, selection = of_long_tracks(tracks, selection)
     intrinsics = selection.model.intrinsics
     cameras = list(dict.fromkeys(intrinsics))
     number = np.array([cameras.index(camera) for camera in intrinsics])

@@ -56,6 +56,19 @@ class FeatureTracks:
         tracks.sensor = None
         return tracks
 
+    def among(self, rows: Rows) -> "FeatureTracks":
+        """Of these features alone, which are in the order of their keyframes."""
+        tracks = copy.copy(self)
+        tracks.points_camera, tracks.feature = self.points_camera[rows], self.feature[rows]
+        tracks.seen = self.seen[rows]
+        if self.sensor is not None:
+            count = len(self.sensor.keyframes)
+            ends = np.searchsorted(tracks.seen.camera, np.arange(1, count))
+            tracks.sensor = self.sensor.with_features(
+                np.split(tracks.feature.astype(np.intp), ends)
+            )
+        return tracks
+
     def measured(self, px: Array) -> "FeatureTracks":
         """The same, seen at other pixels (F, 2)."""
         tracks = copy.copy(self)
@@ -76,6 +89,10 @@ class FeatureTracks:
         tracks.points_camera = readings.points_camera
         tracks.seen = self.seen.measured(readings.px, 1 / readings.points_camera[:, 2])
         return tracks, readings.by_error
+
+    def corrected(self, errors: SensorErrors) -> "FeatureTracks":
+        """The first of these two."""
+        return (self if errors.delayed else self.at_rest()).without(errors)[0]
 
     def _without_offset(self, offset: float) -> Readings:
         by_error = np.zeros((len(self.seen), 3, 3))

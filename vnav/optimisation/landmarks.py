@@ -51,52 +51,95 @@ class AdjustedBundle:
         return replace(self, T_world_camera=poses, covariance=covariance, landmarks=landmarks)
 
 
-def adjust_landmarks(
+@dataclass(frozen=True)
+class RoughBundle:
+    """Keyframes and landmarks before the last round, by ``tracks`` without the sensor's errors.
+
+    ``rms_px_before``: the error before all rounds.
+    """
+
+    bundle: Bundle
+    tracks: FeatureTracks
+    selection: ObservationSelection
+    sensor: SensorCalibration
+    config: OptimiseConfig
+    rms_px_before: float
+
+    def adjusted(self) -> AdjustedBundle:
+        """After the last round; of none, as it is.
+
+        What is said of the result, its covariances and which observations hold a landmark, stays
+        with the noise of the settings.
+        """
+        tracks, selection, rounds = self.tracks, self.selection, self.config.bundle_rounds
+        model, slack, fits = selection.model, 1.0, tuple[CameraFit, ...]()
+        if rounds > 1:
+            fits = camera_fits(self.bundle, tracks, selection)
+        if rounds:
+            iterations = self.config.bundle_iterations
+            bundle = _round(self.bundle, tracks, selection, iterations, first=rounds == 1)
+        else:
+            slack, none = FIRST_SLACK, selection.rows[:0]
+            inliers = selection.inliers(self.bundle, tracks, model, slack)
+            bundle = move_unshared_points(self.bundle, tracks, inliers, none)
+        inliers = selection.inliers(bundle, tracks, model, slack)
+        seen = tracks.seen[tracks.shared(inliers)]
+        covariance = covariances(bundle, selection.problem(seen, model))
+        landmarks = _landmarks(bundle, tracks, inliers, model)
+        rms_px = self.rms_px_before, model.rms_px(bundle, seen)
+        told = len(seen), self.sensor, fits, *rms_px, rounds
+        return AdjustedBundle(bundle.T_world_camera, covariance, landmarks, *told)
+
+
+def rough_bundle(
     T_world_camera: Array,
     tracks: FeatureTracks,
     edges: Sequence[Edge],
     model: SensorModel,
     config: OptimiseConfig,
     prior: PosePrior | None = None,
-) -> AdjustedBundle:
-    """Bundle adjustment in rounds, each without the observations that stand out; of none, as it is.
+    known: SensorCalibration | None = None,
+) -> RoughBundle:
+    """Bundle adjustment in rounds, each without the observations that stand out, but for the last.
 
     The first takes the noise of the settings, which must do for any sensor; then the residuals tell
     it: the sharper it is known, the less do wrong matches weigh. Before the last, the sensor's
-    errors are found and taken off. What is said of the result, its covariances and which
-    observations hold a landmark, stays with the settings.
+    errors are found and taken off.
 
     ``edges``: relative poses of keyframes, by number; where two share too few landmarks, theirs
-    keeps them connected. ``prior``: see `BundleProblem`.
+    keeps them connected. ``prior``: see `BundleProblem`. ``known`` of the sensor's errors is
+    taken off before the first round, too.
     """
+    measured = tracks
+    if known is not None:
+        tracks = measured.corrected(known.errors)
     bundle, rows = _initial_bundle(T_world_camera, tracks, model)
     selection = ObservationSelection(rows, model, edges, prior, config.min_shared_landmarks)
-    rms_px, sensor, fits = [], UNKNOWN_SENSOR, tuple[CameraFit, ...]()
-    for k in range(config.bundle_rounds):
-        first, last = k == 0, k == config.bundle_rounds - 1
-        if last and not first:
-            sensor, tracks, bundle = calibrated(bundle, tracks, selection)
-            fits = camera_fits(bundle, tracks, selection)
-        noise = model if first else selection.noise(bundle, tracks)
-        inliers = selection.inliers(bundle, tracks, noise, FIRST_SLACK if first else 1.0)
-        shared = tracks.shared(inliers)
-        rms_px.append(model.rms_px(bundle, tracks.seen[shared]))
-        iterations = config.bundle_iterations if last else ROUGH_ITERATIONS
-        bundle = adjust(bundle, selection.problem(tracks.seen[shared], noise), iterations)
-        bundle = move_unshared_points(bundle, tracks, inliers, shared)
-    slack = 1.0
-    if not config.bundle_rounds:
-        slack, none = FIRST_SLACK, rows[:0]
-        inliers = selection.inliers(bundle, tracks, model, slack)
-        bundle = move_unshared_points(bundle, tracks, inliers, none)
-    inliers = selection.inliers(bundle, tracks, model, slack)
+    near = tracks.shared(selection.inliers(bundle, tracks, model, FIRST_SLACK))
+    rms_px, sensor = model.rms_px(bundle, tracks.seen[near]), UNKNOWN_SENSOR
+    for k in range(config.bundle_rounds - 1):
+        bundle = _round(bundle, tracks, selection, ROUGH_ITERATIONS, first=k == 0)
+    if config.bundle_rounds > 1:
+        near = selection.inliers(bundle, tracks, model)
+        sensor, bundle = calibrated(bundle, measured, selection, known)
+        tracks = measured.corrected(sensor.errors)
+        bundle = move_unshared_points(bundle, tracks, near, tracks.long(rows))
+    return RoughBundle(bundle, tracks, selection, sensor, config, rms_px)
+
+
+def _round(
+    bundle: Bundle,
+    tracks: FeatureTracks,
+    selection: ObservationSelection,
+    iterations: int,
+    first: bool,
+) -> Bundle:
+    """A bundle adjusted to the observations that do not stand out."""
+    noise = selection.model if first else selection.noise(bundle, tracks)
+    inliers = selection.inliers(bundle, tracks, noise, FIRST_SLACK if first else 1.0)
     shared = tracks.shared(inliers)
-    rms_px.append(model.rms_px(bundle, tracks.seen[shared]))
-    covariance = covariances(bundle, selection.problem(tracks.seen[shared], model))
-    landmarks = _landmarks(bundle, tracks, inliers, model)
-    poses = bundle.T_world_camera
-    told = len(shared), sensor, fits, rms_px[0], rms_px[-1], config.bundle_rounds
-    return AdjustedBundle(poses, covariance, landmarks, *told)
+    bundle = adjust(bundle, selection.problem(tracks.seen[shared], noise), iterations)
+    return move_unshared_points(bundle, tracks, inliers, shared)
 
 
 def _initial_bundle(

@@ -1,7 +1,7 @@
 """Which observations a bundle is adjusted to, and with what noise and edges."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.sparse import csr_array
@@ -48,6 +48,14 @@ class ObservationSelection:
         shared = (sees @ sees.T).toarray()
         weak = [e for e in self.edges if shared[e.i, e.j] < self.min_shared]
         return BundleProblem(seen, weak, noise, self.prior)
+
+
+def of_long_tracks(
+    tracks: FeatureTracks, selection: ObservationSelection
+) -> tuple[FeatureTracks, ObservationSelection]:
+    """Those alone that tell of the sensor, a part of all."""
+    rows = tracks.long(selection.rows)
+    return tracks.among(rows), replace(selection, rows=np.arange(len(rows)))
 
 
 def move_unshared_points(bundle: Bundle, tracks: FeatureTracks, rows: Rows, shared: Rows) -> Bundle:

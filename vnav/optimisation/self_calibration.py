@@ -8,7 +8,11 @@ from numpy.typing import NDArray
 from vnav.core.arrays import Array
 from vnav.optimisation.calibrating_step import calibrating_step
 from vnav.optimisation.feature_tracks import FeatureTracks
-from vnav.optimisation.observation_selection import ObservationSelection, move_unshared_points
+from vnav.optimisation.observation_selection import (
+    ObservationSelection,
+    move_unshared_points,
+    of_long_tracks,
+)
 from vnav.optimisation.sensor_errors import SensorErrors
 from vnav.optimisation.sensor_model import Bundle
 from vnav.registration.pixel_evidence import DEPTH_DELAY_SIGMA_S, LINE_DELAY_SIGMA_S
@@ -16,7 +20,8 @@ from vnav.registration.pixel_evidence import DEPTH_DELAY_SIGMA_S, LINE_DELAY_SIG
 PRIOR_SIGMAS = np.array([2e-4, DEPTH_DELAY_SIGMA_S, LINE_DELAY_SIGMA_S])  # first: 3 mm at 4 m
 LARGEST = np.array([6e-4, 0.05, 1e-4])  # what is found beyond is no such error
 SURE_SIGMAS = np.array([0.0, 5.0, 5.0])  # with fewer from 0, a delay is not determined
-PASSES, STEPS = 8, 2  # a pass chooses its observations, and measures them without the errors
+PASSES, STEPS = 10, 2  # a pass chooses its observations, and measures them without the errors
+FIRST_WIDTHS = 4.0, 2.0  # times the noise, of first passes: errors that are not known exceed it
 CONVERGED_SIGMAS, CONVERGED_SHARE = 1.0, 0.03  # a pass that changes errors less is the last
 HELD = 1e-6  # times the prior's: noise of an error that is not free
 
@@ -33,17 +38,23 @@ class SensorCalibration:
 
 
 UNKNOWN_SENSOR = SensorCalibration(SensorErrors(), np.full(3, np.inf))
-Calibrated = tuple[SensorCalibration, FeatureTracks, Bundle]
+Calibrated = tuple[SensorCalibration, Bundle]
 
 
 def calibrated(
-    bundle: Bundle, tracks: FeatureTracks, selection: ObservationSelection
+    bundle: Bundle,
+    tracks: FeatureTracks,
+    selection: ObservationSelection,
+    known: SensorCalibration | None = None,
 ) -> Calibrated:
-    """Those errors of the sensor that the images determine; tracks and bundle without them.
+    """Those errors of the sensor that the images determine, and the bundle of tracks without them.
+
+    Landmarks that few keyframes see tell nothing of it, and stay as they are.
 
     A delay is determined where it is at least `SURE_SIGMAS` from 0. What is found beyond `LARGEST`
     is no such error: the data err otherwise. Either is 0 while the others are found again, from the
-    bundle as it was given: what a wrong error bent and dropped is not to stay so.
+    bundle as it was given: what a wrong error bent and dropped is not to stay so. ``known``: found
+    before, and what the bundle is without; errors that are not 0 are found once more, from there.
 
     Depth by triangulation, from structured light or stereo, errs by an offset of its disparity.
     That bends what is far against what is near, as no scale would, and landmarks seen from several
@@ -52,14 +63,18 @@ def calibrated(
     2012, "Rolling shutter bundle adjustment". Late depth is of another view than colour's.
     """
     free = np.array([True, *[tracks.sensor is not None] * 2])
-    sigmas = np.where(free, PRIOR_SIGMAS, np.inf)
+    sigmas, start = np.where(free, PRIOR_SIGMAS, np.inf), np.zeros(3)
+    if known is not None:
+        sigmas, start = known.sigmas, known.errors.vector
+        free &= start != 0
+    long, of_long = of_long_tracks(tracks, selection)
     while True:
-        measured = tracks if free[1:].any() else tracks.at_rest()
-        sensor, without, adjusted = _converged(bundle, measured, selection, free)
+        measured = long if free[1:].any() else long.at_rest()
+        sensor, adjusted = _converged(bundle, measured, of_long, start * free, free)
         sigmas, size = np.where(free, sensor.sigmas, sigmas), np.abs(sensor.errors.vector)
         kept = free & (size < LARGEST) & (size >= SURE_SIGMAS * sigmas)
         if (kept == free).all():
-            return SensorCalibration(sensor.errors, sigmas), without, adjusted
+            return SensorCalibration(sensor.errors, sigmas), adjusted
         free = kept
 
 
@@ -67,13 +82,19 @@ def _converged(
     bundle: Bundle,
     measured: FeatureTracks,
     selection: ObservationSelection,
+    start: Array,
     free: NDArray[np.bool_],
 ) -> Calibrated:
-    """The free errors, found in passes from 0, and the tracks without them."""
-    errors, priors = np.zeros(3), np.where(free, PRIOR_SIGMAS, HELD * PRIOR_SIGMAS)
-    tracks, by_error = measured.without(SensorErrors())
-    for _ in range(PASSES):
-        before, noise = errors, selection.noise(bundle, tracks)
+    """The free errors, found in passes from a start, and the bundle without them.
+
+    From 0, what tells most of a delay stands out, and would be left out for it. So the first passes
+    take more for noise: the graduated non-convexity of Blake and Zisserman 1987.
+    """
+    errors, priors = start, np.where(free, PRIOR_SIGMAS, HELD * PRIOR_SIGMAS)
+    tracks, by_error = measured.without(SensorErrors(*errors.tolist()))
+    widths = () if start.any() else FIRST_WIDTHS
+    for width in (*widths, *[1.0] * PASSES):
+        before, noise = errors, selection.noise(bundle, tracks).wider(width)
         inliers = selection.inliers(bundle, tracks, noise)
         rows = tracks.long(tracks.shared(inliers))
         problem = selection.problem(tracks.seen[rows], noise)
@@ -84,6 +105,7 @@ def _converged(
         tracks, by_error = measured.without(SensorErrors(*errors.tolist()))
         bundle = move_unshared_points(bundle, tracks, inliers, rows)
         enough = np.maximum(CONVERGED_SIGMAS * step.sigmas, CONVERGED_SHARE * np.abs(errors))
-        if (np.abs(errors - before) <= enough).all() or (np.abs(errors) > LARGEST).any():
+        settled = width == 1 and (np.abs(errors - before) <= enough).all()
+        if settled or (np.abs(errors) > LARGEST).any():
             break
-    return SensorCalibration(SensorErrors(*errors.tolist()), step.sigmas), tracks, bundle
+    return SensorCalibration(SensorErrors(*errors.tolist()), step.sigmas), bundle

@@ -166,6 +166,11 @@ class MovingSensor:
         moving = map(MovingCamera, intrinsics, velocities(T_world_camera, odometry.frames))
         return cls(odometry.keyframes, list(moving), depth_of, config)
 
+    def with_features(self, chosen: Sequence[NDArray[np.intp]]) -> "MovingSensor":
+        """With some of the features of each keyframe."""
+        keyframes = [k[features] for k, features in zip(self.keyframes, chosen, strict=True)]
+        return MovingSensor(keyframes, self.cameras, self._depth_of, self.config)
+
     def view(self, k: int) -> MovingView:
         """A keyframe by its number."""
         keyframe = self.keyframes[k]

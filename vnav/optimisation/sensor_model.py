@@ -86,6 +86,12 @@ class SensorModel:
         model.depth_sigma = min(depth, self.depth_sigma)
         return model
 
+    def wider(self, times: float) -> "SensorModel":
+        """The same cameras with so many times the noise."""
+        model = copy.copy(self)
+        model.pixel_sigma, model.depth_sigma = times * self.pixel_sigma, times * self.depth_sigma
+        return model
+
     def squared_residuals(self, bundle: Bundle, seen: Observations) -> Array:
         """Squared residuals (M,) in standard deviations; infinite behind the camera."""
         p = self._in_camera(bundle, seen)
