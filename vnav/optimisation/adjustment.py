@@ -1,4 +1,4 @@
-"""Keyframes, some or all, adjusted roughly by the matches of closures: claim 3, S7."""
+"""Keyframes, some or all, adjusted by the matches of closures."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
