@@ -8,6 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from vnav.compiled import compiled
 from vnav.core.arrays import Floats
 from vnav.masking.free_space import SIGMAS, places_in
 from vnav.masking.view import Blocks, MaskedView, PosedView
@@ -18,7 +19,7 @@ class SurfaceCarrier:
 
     def __init__(self, sigma_per_m2: float, margin_m: float) -> None:
         self._noise = SIGMAS * np.sqrt(2) * sigma_per_m2
-        self._margin_m = np.float64(margin_m)
+        self._margin_m = margin_m
 
     def carried(self, view: PosedView, other: MaskedView) -> Floats:
         """When the surfaces (h, w) of a view move, by another that sees them there, else never."""
@@ -35,8 +36,7 @@ class SurfaceCarrier:
         against = np.zeros(blocks.shape, np.int32)
         for witness in witnesses:
             places = self._places(view, witness.view, w)
-            moves = np.isfinite(witness.moved_s).ravel()[places]
-            against += np.where(places >= 0, np.where(moves, -1, 1), 0)
+            _count_against(against, places, np.isfinite(witness.moved_s))
         return blocks & (against <= 0)
 
     def _places(
@@ -44,6 +44,32 @@ class SurfaceCarrier:
     ) -> NDArray[np.int32]:
         """Of blocks (h, w) with depth those of the other view that see them, by number, or -1."""
         places, expected = places_in(other, view, inverse_depth)
-        seen = other.frame.inverse_depth.ravel()[places]
-        is_there = np.abs(expected - seen) < self._noise + self._margin_m * expected * seen
-        return np.where((places >= 0) & (seen > 0) & is_there, places, np.int32(-1))
+        _drop_unlike(places, expected, other.frame.inverse_depth, self._noise, self._margin_m)
+        return places
+
+
+@compiled
+def _drop_unlike(
+    places: NDArray[np.int32],
+    expected: Floats,
+    inverse_depth: Floats,
+    noise: float,
+    margin_m: float,
+) -> None:
+    """Make places -1, in place, where another view's depth is not as expected."""
+    place_of, expected_of, depth_of = places.ravel(), expected.ravel(), inverse_depth.ravel()
+    for k in range(len(place_of)):
+        if place_of[k] < 0:
+            continue
+        here, seen = expected_of[k], depth_of[place_of[k]]
+        if seen == 0 or abs(here - seen) >= noise + margin_m * here * seen:
+            place_of[k] = -1
+
+
+@compiled
+def _count_against(against: NDArray[np.int32], places: NDArray[np.int32], moves: Blocks) -> None:
+    """One more, in place, where the block at a place stands still, one less where it moves."""
+    votes, place_of, moves_at = against.ravel(), places.ravel(), moves.ravel()
+    for k in range(len(place_of)):
+        if place_of[k] >= 0:
+            votes[k] += -1 if moves_at[place_of[k]] else 1

@@ -111,17 +111,16 @@ def _difference(
     0 where they share too few.
     """
     height, width = places.shape
+    depth_of, nearest_of, farthest_of = inverse_depth.ravel(), nearest.ravel(), farthest.ravel()
     total, found = 0.0, 0
     for v in range(0, height, STRIDE):
         for u in range(0, width, STRIDE):
-            if places[v, u] < 0:
+            place = places[v, u]
+            if place < 0 or depth_of[place] == 0:
                 continue
-            i, j = divmod(places[v, u], width)
-            if inverse_depth[i, j] == 0:
-                continue
-            tolerance = noise + margin_m * expected[v, u] * inverse_depth[i, j]
-            off = abs(expected[v, u] - inverse_depth[i, j])
-            if nearest[i, j] - farthest[i, j] < tolerance and off < tolerance:
+            tolerance = noise + margin_m * expected[v, u] * depth_of[place]
+            off = abs(expected[v, u] - depth_of[place])
+            if nearest_of[place] - farthest_of[place] < tolerance and off < tolerance:
                 total += off
                 found += 1
     return total / found if found >= MIN_FITTED else 0.0
@@ -141,15 +140,14 @@ def _add_votes(
 ) -> None:
     """Add one view's votes, in place."""
     height, width = places.shape
+    nearest_of, farthest_of, clear_at = nearest.ravel(), farthest.ravel(), clear.ravel()
     for v in range(height):
         for u in range(width):
-            if places[v, u] < 0:
+            place = places[v, u]
+            if place < 0 or nearest_of[place] == 0:
                 continue
-            i, j = divmod(places[v, u], width)
-            if nearest[i, j] == 0:
-                continue
-            tolerance = noise + margin_m * expected[v, u] * nearest[i, j]
-            if expected[v, u] - nearest[i, j] > tolerance:
-                votes[FREE, v, u] += weight * clear[i, j]
-            elif expected[v, u] > farthest[i, j] - tolerance:
+            tolerance = noise + margin_m * expected[v, u] * nearest_of[place]
+            if expected[v, u] - nearest_of[place] > tolerance:
+                votes[FREE, v, u] += weight * clear_at[place]
+            elif expected[v, u] > farthest_of[place] - tolerance:
                 votes[SAME, v, u] += 1

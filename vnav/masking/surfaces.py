@@ -22,7 +22,7 @@ def surfaces(frame: ReducedFrame) -> NDArray[np.int32]:
     rows, columns = np.indices(inverse_depth.shape)
     depth = np.divide(1, inverse_depth, out=np.zeros(rows.shape), where=inverse_depth > 0)
     points = frame.intrinsics.unproject(np.stack([columns, rows], -1), depth)
-    return _numbered(points, _normals(points, inverse_depth), inverse_depth)
+    return _numbered(_joined(points, _normals(points, inverse_depth), inverse_depth), inverse_depth)
 
 
 @compiled
@@ -39,21 +39,76 @@ def _normals(points: Array, inverse_depth: Floats) -> Array:
     for v in range(height):
         for u in range(width):
             here = inverse_depth[v, u]
-            for k, (dv, du) in enumerate(((0, 1), (1, 0))):
-                i, j = min(v + dv, height - 1), min(u + du, width - 1)
-                v0, u0 = max(v - dv, 0), max(u - du, 0)
-                after = (v, u) if is_step(here, inverse_depth[i, j]) else (i, j)
-                before = (v, u) if is_step(here, inverse_depth[v0, u0]) else (v0, u0)
-                along[k] = points[after] - points[before]
-            normal = np.cross(along[1], along[0])
-            length = np.sqrt((normal**2).sum())
-            if here > 0 and length > 0:
-                normals[v, u] = normal / length
+            if here == 0:
+                continue
+            for k in range(2):
+                i, j = min(v + k, height - 1), min(u + 1 - k, width - 1)
+                v0, u0 = max(v - k, 0), max(u - 1 + k, 0)
+                if is_step(here, inverse_depth[i, j]):
+                    i, j = v, u
+                if is_step(here, inverse_depth[v0, u0]):
+                    v0, u0 = v, u
+                for d in range(3):
+                    along[k, d] = points[i, j, d] - points[v0, u0, d]
+            squared = 0.0
+            for d in range(3):
+                e, f = (d + 1) % 3, (d + 2) % 3
+                across = along[1, e] * along[0, f] - along[1, f] * along[0, e]
+                normals[v, u, d] = across
+                squared += across * across
+            if squared > 0:
+                for d in range(3):
+                    normals[v, u, d] /= np.sqrt(squared)
     return normals
 
 
 @compiled
-def _numbered(points: Array, normals: Array, inverse_depth: Floats) -> NDArray[np.int32]:
+def _joined(points: Array, normals: Array, inverse_depth: Floats) -> NDArray[np.bool_]:
+    """Which blocks (h, w, 2) are on one surface with the next to the right, and with that below."""
+    height, width = inverse_depth.shape
+    joined = np.zeros((height, width, 2), np.bool_)
+    for v in range(height):
+        for u in range(width):
+            for k in range(2):
+                i, j = v + k, u + 1 - k
+                if i < height and j < width:
+                    ends = is_step(inverse_depth[v, u], inverse_depth[i, j])
+                    joined[v, u, k] = not (ends or _is_edge(points, normals, v, u, i, j))
+    return joined
+
+
+@compiled
+def _is_edge(points: Array, normals: Array, v: int, u: int, i: int, j: int) -> bool:
+    """Whether the surface bends inwards between two neighbours, by the blocks beyond either."""
+    v0, u0 = _beyond(normals, v, u, i, j)
+    i0, j0 = _beyond(normals, i, j, v, u)
+    if not (_is_known(normals, v0, u0) and _is_known(normals, i0, j0)):
+        return True
+    bends, cosine = 0.0, 0.0
+    for d in range(3):
+        first, second = normals[v0, u0, d], normals[i0, j0, d]
+        bends += (second - first) * (points[i0, j0, d] - points[v0, u0, d])
+        cosine += first * second
+    return bool(bends < 0 and cosine < MIN_COSINE)
+
+
+@compiled
+def _beyond(normals: Array, v: int, u: int, i: int, j: int) -> tuple[int, int]:
+    """The block on the far side of v, u from its neighbour, or v, u where that has no normal."""
+    height, width = normals.shape[:2]
+    i, j = 2 * v - i, 2 * u - j
+    if 0 <= i < height and 0 <= j < width and _is_known(normals, i, j):
+        return i, j
+    return v, u
+
+
+@compiled
+def _is_known(normals: Array, v: int, u: int) -> bool:
+    return bool(normals[v, u, 0] != 0 or normals[v, u, 1] != 0 or normals[v, u, 2] != 0)
+
+
+@compiled
+def _numbered(joined: NDArray[np.bool_], inverse_depth: Floats) -> NDArray[np.int32]:
     """Breadth first from block to block."""
     height, width = inverse_depth.shape
     numbers = np.zeros((height, width), np.int32)
@@ -73,32 +128,8 @@ def _numbered(points: Array, normals: Array, inverse_depth: Floats) -> NDArray[n
                 i, j = v + dv, u + du
                 if not (0 <= i < height and 0 <= j < width) or numbers[i, j] > 0:
                     continue
-                if not is_step(inverse_depth[v, u], inverse_depth[i, j]) and not _is_edge(
-                    points, normals, (v, u), (i, j)
-                ):
+                if joined[min(v, i), min(u, j), abs(dv)]:
                     numbers[i, j] = last
                     queue[end, 0], queue[end, 1] = i, j
                     end += 1
     return numbers
-
-
-@compiled
-def _is_edge(points: Array, normals: Array, a: tuple[int, int], b: tuple[int, int]) -> bool:
-    """Whether the surface bends inwards between two neighbours, by the blocks beyond either."""
-    v, u = _beyond(normals, a, b)
-    i, j = _beyond(normals, b, a)
-    first, second = normals[v, u], normals[i, j]
-    if not (first.any() and second.any()):
-        return True
-    is_concave = ((second - first) * (points[i, j] - points[v, u])).sum() < 0
-    return bool(is_concave and (first * second).sum() < MIN_COSINE)
-
-
-@compiled
-def _beyond(normals: Array, block: tuple[int, int], other: tuple[int, int]) -> tuple[int, int]:
-    """The neighbour on the far side of a block, or the block where that has no normal."""
-    height, width = normals.shape[:2]
-    v, u = 2 * block[0] - other[0], 2 * block[1] - other[1]
-    if 0 <= v < height and 0 <= u < width and normals[v, u].any():
-        return v, u
-    return block
