@@ -78,9 +78,9 @@ def delays(on: str, what: str, values: dict[str, Any], true: dict[str, float]) -
 
 
 def map_report(map_of: Path) -> dict[str, Any]:
-    """The values of the optimise stage's report."""
+    """The values of the optimise stage's report; of the sensor, for there is one capture."""
     values: dict[str, Any] = MapFolder(map_of).report("optimise")["values"]
-    return values
+    return values | values["sensors"][0]
 
 
 def true_delays(spec: CaptureSpec) -> dict[str, float]:

@@ -167,7 +167,8 @@ def posed_map(tmp_path_factory: pytest.TempPathFactory, tiny_capture: Path) -> P
         artifacts.save_loops(draft, verdicts, (), np.zeros((0, 4), np.int32))
     nothing = np.zeros(0, np.int32)
     landmarks = Landmarks(np.zeros((0, 3)), np.zeros(0), nothing, nothing, nothing)
-    result = OptimisedMap(poses, np.zeros((len(keyframes), 6, 6)), landmarks, World("floor", 9, 0))
+    covariance, world = np.zeros((len(keyframes), 6, 6)), World("floor", 9, 0)
+    result = OptimisedMap(poses, covariance, landmarks, world, np.zeros(1))
     with folder.writing("optimise", {}, folder.inputs_of("odometry", "loops")) as draft:
         artifacts.save_optimised(draft, result)
         artifacts.save_verdicts(draft, verdicts)

@@ -133,10 +133,10 @@ def left(recorded) -> Solution:
 
 
 def test_delays_are_found_with_the_poses(allowed_for: Solution, left: Solution) -> None:
-    found = allowed_for.adjusted.sensor.errors
+    (found,) = allowed_for.adjusted.sensor.errors
     assert found.depth_delay_s == pytest.approx(TRUE.depth_delay_s, rel=0.1)
     assert found.line_delay_s == pytest.approx(TRUE.line_delay_s, rel=0.1)
-    assert not left.adjusted.sensor.errors.delayed
+    assert not left.adjusted.sensor.delayed
 
 
 def test_delays_that_are_allowed_for_leave_a_tenth(allowed_for: Solution, left: Solution) -> None:

@@ -204,7 +204,7 @@ def test_a_landmark_seen_once_stays_where_its_keyframe_sees_it() -> None:
             for k, f in zip(landmarks.keyframe[once], landmarks.feature[once], strict=True)
         ]
     )
-    expected = lifted / (1 - result.sensor.errors.depth_offset * lifted[:, 2:])
+    expected = lifted / (1 - result.sensor.errors[0].depth_offset * lifted[:, 2:])
     np.testing.assert_allclose(seen, expected, atol=2e-6)  # float32 at 4 m, twice
 
 
@@ -341,7 +341,7 @@ def test_depth_that_is_too_short_far_away_is_allowed_for() -> None:
     # does, so half of it is found.
     offset = 3e-4
     result = scene(14, noise=0.02, offset=offset).adjusted(disturbed(scene(14).T))
-    assert result.sensor.errors.depth_offset == pytest.approx(offset / 2, rel=0.5)
+    assert result.sensor.errors[0].depth_offset == pytest.approx(offset / 2, rel=0.5)
 
 
 def test_one_round_allows_for_nothing() -> None:
@@ -352,7 +352,9 @@ def test_one_round_allows_for_nothing() -> None:
     )
     start = disturbed(made.T)
     config = OptimiseConfig(bundle_rounds=1)
-    assert rough_bundle(start, tracks, joined(start), model, config).sensor.errors.depth_offset == 0
+    assert (
+        rough_bundle(start, tracks, joined(start), model, config).sensor.errors[0].depth_offset == 0
+    )
 
 
 def test_without_rounds_the_poses_stay_and_landmarks_are_where_depth_has_them() -> None:

@@ -18,7 +18,6 @@ from vnav.optimisation.self_calibration import (
     CONVERGED_SHARE,
     LARGEST,
     SURE_SIGMAS,
-    UNKNOWN_SENSOR,
     SensorCalibration,
     calibrated,
 )
@@ -35,6 +34,7 @@ KEYFRAMES, POINTS = 8, 400
 PIXEL_SIGMA = 0.2
 TURN_RAD_PER_S, SPEED_M_PER_S = 1.5, 0.4
 ERRORS = SensorErrors(0.0, 0.02, 8e-5)  # 8e-5 s a row: 19 ms from the first to the last
+UNKNOWN = SensorCalibration.unknown(1)
 
 
 @dataclass
@@ -62,18 +62,23 @@ class MovingScene:
         return ObservationSelection(rows, model, [], None, 0)
 
 
-def moving_scene(errors: SensorErrors, seed: int = 0, moves: float = 1.0) -> MovingScene:
+def moving_scene(
+    errors: SensorErrors, seed: int = 0, moves: float = 1.0, other: SensorErrors | None = None
+) -> MovingScene:
     """Every second frame's place of a walk; each camera turns and moves in a direction of its own.
 
-    ``moves``: times `TURN_RAD_PER_S` and `SPEED_M_PER_S`.
+    ``moves``: times `TURN_RAD_PER_S` and `SPEED_M_PER_S`; ``other``: every second keyframe is of
+    another capture, whose sensor has these errors.
     """
+    captures = np.arange(KEYFRAMES, dtype=np.int32) % 2 * (other is not None)
+    of_keyframes = [(errors, other or errors)[capture] for capture in captures]
     rng, room = np.random.default_rng(seed), one_room(0)
     T = camera_poses(room, MINIATURE)[: 2 * KEYFRAMES : 2]
     sizes = moves * np.repeat([TURN_RAD_PER_S, SPEED_M_PER_S], 3)
     twists = sizes * rng.uniform(-1, 1, (KEYFRAMES, 6))
     points = _points(room, T, rng)
     keyframes, depths, still = [], [], []
-    for k in range(KEYFRAMES):
+    for k, errors in enumerate(of_keyframes):
         depth_m = room.render_depth(CAMERA, T[k] @ se3.exp(errors.depth_delay_s * twists[k]))
         inverse = np.where(depth_m > 0, 1 / np.maximum(depth_m, 1e-3) + errors.depth_offset, np.inf)
         depths.append((1 / inverse).astype(np.float32))
@@ -90,13 +95,13 @@ def moving_scene(errors: SensorErrors, seed: int = 0, moves: float = 1.0) -> Mov
     both = np.concatenate(matches).astype(np.int32)
     seen_by = np.array([k.has_depth for k in keyframes])
     both = both[seen_by[both[:, 0], both[:, 1]] & seen_by[both[:, 2], both[:, 3]]]
-    cameras = [MovingCamera(CAMERA, twist) for twist in twists]
+    cameras = list(map(MovingCamera, [CAMERA] * KEYFRAMES, twists, captures.tolist()))
     sensor = MovingSensor(keyframes, cameras, depths.__getitem__, CONFIG)
     return MovingScene(
         T,
         twists,
         np.array(still),
-        FeatureTracks(keyframes, merged(keyframes, both), sensor),
+        FeatureTracks(keyframes, merged(keyframes, both), sensor, captures),
         sensor,
     )
 
@@ -153,7 +158,7 @@ def seen_with_depth(scene: MovingScene) -> np.ndarray:
 
 
 def test_features_are_put_where_they_were_at_the_stamp(delayed: MovingScene) -> None:
-    without, _ = delayed.tracks.without(ERRORS)
+    without, _ = delayed.tracks.without([ERRORS])
     known = seen_with_depth(delayed)
     still = delayed.still_px.reshape(-1, 2)[known]
     off = np.linalg.norm(without.seen.px[known] - still, axis=1)
@@ -164,7 +169,7 @@ def test_features_are_put_where_they_were_at_the_stamp(delayed: MovingScene) -> 
 
 
 def test_depth_is_that_of_the_stamp(delayed: MovingScene) -> None:
-    without, _ = delayed.tracks.without(ERRORS)
+    without, _ = delayed.tracks.without([ERRORS])
     known = seen_with_depth(delayed) & np.isfinite(without.points_camera[:, 2])
     truth = moving_scene(SensorErrors())  # the same points by a sensor without errors
     exact = 1 / truth.tracks.points_camera[known, 2]
@@ -176,8 +181,8 @@ def test_depth_is_that_of_the_stamp(delayed: MovingScene) -> None:
 @pytest.mark.parametrize("k", [0, 1, 2])
 def test_what_is_measured_grows_with_the_errors_as_told(delayed: MovingScene, k: int) -> None:
     step = np.array([1e-4, 5e-4, 2e-6]) * (np.arange(3) == k)
-    here, by_error = delayed.tracks.without(ERRORS)
-    there, _ = delayed.tracks.without(SensorErrors(*(ERRORS.vector + step)))
+    here, by_error = delayed.tracks.without([ERRORS])
+    there, _ = delayed.tracks.without([SensorErrors(*(ERRORS.vector + step))])
     sigmas = np.array([1, 1, CONFIG.depth_sigma_per_m2])
     taken_off = np.column_stack(
         [here.seen.px - there.seen.px, here.seen.inverse_depth - there.seen.inverse_depth]
@@ -190,8 +195,8 @@ def test_what_is_measured_grows_with_the_errors_as_told(delayed: MovingScene, k:
 
 
 def test_both_delays_are_found(delayed: MovingScene) -> None:
-    sensor, bundle = calibrated(delayed.bundle, delayed.tracks, delayed.selection)
-    off = np.abs(sensor.errors.vector - ERRORS.vector)
+    sensor, bundle = calibrated(delayed.bundle, delayed.tracks, delayed.selection, UNKNOWN)
+    off = np.abs(sensor.errors[0].vector - ERRORS.vector)
     assert (off[1:] < 0.1 * ERRORS.vector[1:]).all()
     assert (off < 4 * sensor.sigmas).all()
     true = delayed.T_world_camera
@@ -207,31 +212,72 @@ def test_delays_are_found_whose_displacement_exceeds_the_noise_by_far(
     """What tells most of them stands out then, until they are taken off."""
     errors = SensorErrors(0.0, 0.03, 3e-5)
     scene = moving_scene(errors, seed, moves)
-    sensor, _ = calibrated(scene.bundle, scene.tracks, scene.selection)
-    off = np.abs(sensor.errors.vector - errors.vector)
+    sensor, _ = calibrated(scene.bundle, scene.tracks, scene.selection, UNKNOWN)
+    off = np.abs(sensor.errors[0].vector - errors.vector)
     assert (off[1:] < 0.1 * errors.vector[1:]).all()
 
 
+OTHERS = [SensorErrors(), SensorErrors(3e-4, -0.015, 0.0)]
+
+
+@pytest.mark.parametrize("other", OTHERS)
+def test_each_capture_has_errors_of_its_own(other: SensorErrors) -> None:
+    scene = moving_scene(ERRORS, other=other)
+    unknown = SensorCalibration.unknown(2)
+    sensor, _ = calibrated(scene.bundle, scene.tracks, scene.selection, unknown)
+    found, true = (np.array([e.vector for e in both]) for both in (sensor.errors, (ERRORS, other)))
+    assert (np.abs(found - true)[:, 1:] < 0.1 * np.abs(true)[:, 1:] + 1e-12).all()
+    assert (np.abs(found - true) < 4 * sensor.sigmas + [1e-4, 0, 0]).all()
+
+
+def test_depth_at_rest_is_without_each_captures_offset() -> None:
+    scene = moving_scene(SensorErrors(), other=SensorErrors(3e-4, 0.0, 0.0))
+    exact = moving_scene(SensorErrors())
+    found, _ = scene.tracks.at_rest().without([SensorErrors(), SensorErrors(3e-4, 0.0, 0.0)])
+    np.testing.assert_allclose(found.points_camera, exact.tracks.points_camera, rtol=1e-5)
+
+
+def test_edges_between_captures_are_freed_of_what_either_displaces() -> None:
+    scene = moving_scene(ERRORS, other=SensorErrors())
+    T = scene.T_world_camera
+    edges = [Edge(k, k + 1, se3.inverse(T[k]) @ T[k + 1], np.eye(6)) for k in range(2)]
+    freed = without_displacement(edges, T, scene.sensor, [ERRORS, SensorErrors()])
+    of_one = without_displacement(edges, T, scene.sensor, [ERRORS, ERRORS])
+    for still, late, edge in zip(freed, of_one, edges, strict=True):
+        moved = np.linalg.norm(se3.deviation(se3.inverse(edge.T_i_j) @ still.T_i_j))
+        assert moved > 1e-3
+        assert np.linalg.norm(still.T_i_j - late.T_i_j) > 1e-3
+
+
+def test_captures_without_delays_are_not_touched_by_others_delays() -> None:
+    scene = moving_scene(SensorErrors(), other=ERRORS)
+    T = scene.T_world_camera
+    between = [Edge(k, k + 2, se3.inverse(T[k]) @ T[k + 2], np.eye(6)) for k in (0, 2, 4)]
+    freed = without_displacement(between, T, scene.sensor, [SensorErrors(), ERRORS])
+    for still, edge in zip(freed, between, strict=True):
+        np.testing.assert_allclose(still.T_i_j, edge.T_i_j, atol=1e-4)
+
+
 def test_what_was_found_before_is_found_again_from_there(delayed: MovingScene) -> None:
-    first, bundle = calibrated(delayed.bundle, delayed.tracks, delayed.selection)
+    first, bundle = calibrated(delayed.bundle, delayed.tracks, delayed.selection, UNKNOWN)
     again, _ = calibrated(bundle, delayed.tracks, delayed.selection, first)
-    off = np.abs(again.errors.vector - first.errors.vector)
-    assert (off <= 2 * first.sigmas + CONVERGED_SHARE * first.errors.vector).all()
+    off = np.abs(again.errors[0].vector - first.errors[0].vector)
+    assert (off <= 2 * first.sigmas + CONVERGED_SHARE * first.errors[0].vector).all()
 
 
 def test_an_error_that_was_refused_before_is_not_looked_for_again(delayed: MovingScene) -> None:
-    known = SensorCalibration(replace(ERRORS, line_delay_s=0.0), np.array([1e-5, 1e-3, 7e-6]))
+    known = SensorCalibration((replace(ERRORS, line_delay_s=0.0),), np.array([[1e-5, 1e-3, 7e-6]]))
     again, _ = calibrated(delayed.bundle, delayed.tracks, delayed.selection, known)
-    assert again.errors.line_delay_s == 0
-    assert again.sigmas[2] == known.sigmas[2]
-    assert again.errors.depth_delay_s != 0
+    assert again.errors[0].line_delay_s == 0
+    assert again.sigmas[0, 2] == known.sigmas[0, 2]
+    assert again.errors[0].depth_delay_s != 0
 
 
 def test_tracks_among_all_are_measured_as_they_are_among_all(delayed: MovingScene) -> None:
     rows = delayed.tracks.long(delayed.selection.rows)
     assert 0 < len(rows) < len(delayed.tracks.seen)
-    some, by_error = delayed.tracks.among(rows).without(ERRORS)
-    every, by_error_of_all = delayed.tracks.without(ERRORS)
+    some, by_error = delayed.tracks.among(rows).without([ERRORS])
+    every, by_error_of_all = delayed.tracks.without([ERRORS])
     np.testing.assert_array_equal(some.seen.px, every.seen.px[rows])
     np.testing.assert_array_equal(some.points_camera, every.points_camera[rows])
     np.testing.assert_array_equal(by_error, by_error_of_all[rows])
@@ -240,36 +286,36 @@ def test_tracks_among_all_are_measured_as_they_are_among_all(delayed: MovingScen
 @pytest.mark.parametrize("seed", [1, 2])
 def test_a_sensor_without_delays_gets_none(seed: int) -> None:
     scene = moving_scene(SensorErrors(), seed)
-    sensor, _ = calibrated(scene.bundle, scene.tracks, scene.selection)
-    assert not sensor.errors.delayed
+    sensor, _ = calibrated(scene.bundle, scene.tracks, scene.selection, UNKNOWN)
+    assert not sensor.delayed
     # And it is known that they are smaller than those of a real sensor.
     assert (SURE_SIGMAS * sensor.sigmas < [1, 0.01, 2e-5]).all()
 
 
 def test_a_camera_at_rest_tells_no_delay() -> None:
     scene = moving_scene(ERRORS, moves=0.0)
-    sensor, _ = calibrated(scene.bundle, scene.tracks, scene.selection)
-    assert not sensor.errors.delayed
+    sensor, _ = calibrated(scene.bundle, scene.tracks, scene.selection, UNKNOWN)
+    assert not sensor.delayed
 
 
 def test_without_depth_images_no_delay_is_told(delayed: MovingScene) -> None:
     tracks = delayed.tracks.at_rest()
-    sensor, _ = calibrated(delayed.bundle, tracks, delayed.selection)
-    assert not sensor.errors.delayed
-    assert np.isinf(sensor.sigmas[1:]).all()
+    sensor, _ = calibrated(delayed.bundle, tracks, delayed.selection, UNKNOWN)
+    assert not sensor.delayed
+    assert np.isinf(sensor.sigmas[0, 1:]).all()
 
 
 def test_a_delay_beyond_any_sensors_is_none() -> None:
     scene = moving_scene(SensorErrors(line_delay_s=1.5 * LARGEST[2]))
-    sensor, _ = calibrated(scene.bundle, scene.tracks, scene.selection)
-    assert sensor.errors.line_delay_s == 0
+    sensor, _ = calibrated(scene.bundle, scene.tracks, scene.selection, UNKNOWN)
+    assert sensor.errors[0].line_delay_s == 0
 
 
 def test_a_delay_that_is_refused_leaves_no_trace() -> None:
     """Landmarks, those of one sighting too, are where they were had it never been tried."""
     scene = moving_scene(SensorErrors(line_delay_s=1.5 * LARGEST[2]))
-    sensor, bundle = calibrated(scene.bundle, scene.tracks, scene.selection)
-    untried, at_rest = calibrated(scene.bundle, scene.tracks.at_rest(), scene.selection)
+    sensor, bundle = calibrated(scene.bundle, scene.tracks, scene.selection, UNKNOWN)
+    untried, at_rest = calibrated(scene.bundle, scene.tracks.at_rest(), scene.selection, UNKNOWN)
     assert sensor.errors == untried.errors
     np.testing.assert_array_equal(bundle.points_world, at_rest.points_world)
 
@@ -277,15 +323,17 @@ def test_a_delay_that_is_refused_leaves_no_trace() -> None:
 def test_the_offset_of_depth_is_found_beside_delays() -> None:
     errors = SensorErrors(3e-4, 0.015, 6e-5)
     scene = moving_scene(errors)
-    sensor, _ = calibrated(scene.bundle, scene.tracks, scene.selection)
-    assert (np.abs(sensor.errors.vector - errors.vector) < 4 * sensor.sigmas + [1e-4, 0, 0]).all()
+    sensor, _ = calibrated(scene.bundle, scene.tracks, scene.selection, UNKNOWN)
+    assert (
+        np.abs(sensor.errors[0].vector - errors.vector) < 4 * sensor.sigmas + [1e-4, 0, 0]
+    ).all()
 
 
 @pytest.mark.parametrize("apart", [1, 2, 3])
 def test_edges_are_freed_of_what_delays_displace(delayed: MovingScene, apart: int) -> None:
     """Those that registration finds; and what is left of it they do not deny."""
     edges = registered(delayed, apart)
-    freed = without_displacement(edges, delayed.T_world_camera, delayed.sensor, ERRORS)
+    freed = without_displacement(edges, delayed.T_world_camera, delayed.sensor, [ERRORS])
     assert [(e.i, e.j) for e in freed] == [(e.i, e.j) for e in edges]
     before, after = off(delayed, edges), off(delayed, freed)
     assert (np.linalg.norm(after, axis=(0, 2)) < 0.5 * np.linalg.norm(before, axis=(0, 2))).all()
@@ -297,9 +345,9 @@ def test_edges_are_freed_one_by_one_and_keep_their_order(delayed: MovingScene) -
     """As closures come, which are not in the order of their frames."""
     edges = registered(delayed, 2)
     shuffled = [edges[k] for k in np.random.default_rng(0).permutation(len(edges))]
-    freed = without_displacement(shuffled, delayed.T_world_camera, delayed.sensor, ERRORS)
+    freed = without_displacement(shuffled, delayed.T_world_camera, delayed.sensor, [ERRORS])
     for edge, found in zip(shuffled, freed, strict=True):
-        (alone,) = without_displacement([edge], delayed.T_world_camera, delayed.sensor, ERRORS)
+        (alone,) = without_displacement([edge], delayed.T_world_camera, delayed.sensor, [ERRORS])
         assert (found.i, found.j) == (edge.i, edge.j)
         np.testing.assert_array_equal(found.T_i_j, alone.T_i_j)
 
@@ -307,7 +355,7 @@ def test_edges_are_freed_one_by_one_and_keep_their_order(delayed: MovingScene) -
 def test_an_edge_whose_frames_see_nothing_of_the_keyframe_stays(delayed: MovingScene) -> None:
     T = delayed.T_world_camera.copy()
     T[1:] = T[1:] @ se3.make(se3.exp_so3([0, np.pi, 0]), np.zeros(3))
-    (edge,) = without_displacement([Edge(0, 1, np.eye(4), np.eye(6))], T, delayed.sensor, ERRORS)
+    (edge,) = without_displacement([Edge(0, 1, np.eye(4), np.eye(6))], T, delayed.sensor, [ERRORS])
     np.testing.assert_array_equal(edge.T_i_j, np.eye(4))
 
 
@@ -333,8 +381,8 @@ def off(scene: MovingScene, edges: list[Edge]) -> np.ndarray:
 
 
 def test_the_summary_tells_what_is_wrong_with_the_sensor() -> None:
-    found = SensorCalibration(SensorErrors(0.0, -0.0123, 5.2e-5), np.array([1e-4, 3e-4, 2e-6]))
+    found = SensorCalibration((SensorErrors(0.0, -0.0123, 5.2e-5),), np.array([[1e-4, 3e-4, 2e-6]]))
     depth, shutter = sensor_lines(found)
     assert depth.startswith("depth is measured 12.3 ms (+- 0.3) before colour")
     assert shutter.startswith("rolling shutter: 52.0 us (+- 2.0) a row")
-    assert not sensor_lines(UNKNOWN_SENSOR)
+    assert not sensor_lines(UNKNOWN)

@@ -275,7 +275,7 @@ def test_the_report_of_a_good_map_warns_of_nothing(folder: MapFolder) -> None:
 
 def test_the_summary_says_how_far_off_depth_is(folder: MapFolder) -> None:
     report = folder.report("optimise")
-    off_mm = 1000 * report["values"]["depth_offset"] * 4**2
+    off_mm = 1000 * report["values"]["sensors"][0]["depth_offset"] * 4**2
     how = "short" if off_mm > 0 else "long"
     assert f"depth is {abs(off_mm):.1f} mm too {how} at 4 m" in " ".join(report["lines"])
 

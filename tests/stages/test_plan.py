@@ -49,7 +49,9 @@ def _optimised(sigma_m: float, position_sigma_m: float) -> OptimisedMap:
     covariance = np.diag([1e-6] * 3 + [position_sigma_m**2] * 3)[None]
     none = np.zeros(0, np.int32)
     landmarks = Landmarks(np.zeros((3, 3)), np.full(3, sigma_m), none, none, none)
-    return OptimisedMap(np.eye(4)[None], covariance, landmarks, World("floor", 100, 0.01))
+    return OptimisedMap(
+        np.eye(4)[None], covariance, landmarks, World("floor", 100, 0.01), np.zeros(1)
+    )
 
 
 def _odometry() -> Odometry:

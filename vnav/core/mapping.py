@@ -312,12 +312,12 @@ class OptimisedMap:
 
     ``T_world_camera`` (N, 4, 4): every frame of the frame table, NaN where it is not part of the
     main map; ``keyframe_covariance`` (K, 6, 6): marginal of each keyframe's tangent, rotation
-    first; ``landmarks`` with keyframe numbers as in `Odometry`; ``depth_delay_s``: how long after
-    colour, whose pose a frame's is, depth was measured.
+    first; ``landmarks`` with keyframe numbers as in `Odometry`; ``depth_delay_s`` (C,): how long
+    after colour, whose pose a frame's is, each capture's depth was measured.
     """
 
     T_world_camera: NDArray[np.float64]
     keyframe_covariance: NDArray[np.float64]
     landmarks: Landmarks
     world: World
-    depth_delay_s: float = 0.0
+    depth_delay_s: NDArray[np.float64]

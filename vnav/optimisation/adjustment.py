@@ -45,7 +45,7 @@ class RoughKeyframes:
 class Adjustment:
     """Bundle adjustment of the keyframes; fields as of `solve`.
 
-    ``known``: what a first adjustment found of the sensor; odometry is without its delays.
+    ``known``: what a first adjustment found of the sensors; odometry is without their delays.
     """
 
     odometry: Odometry
@@ -53,7 +53,7 @@ class Adjustment:
     cameras: Sequence[Intrinsics]
     config: Config
     depth_of: DepthOf | None
-    known: SensorCalibration | None = None
+    known: SensorCalibration
 
     def of_keyframes(
         self,
@@ -103,7 +103,8 @@ class Adjustment:
     ) -> RoughBundle:
         """All keyframes, by the tracks of their features, and surfaces between them."""
         rows = self.odometry.keyframe_rows
-        tracks = FeatureTracks(self.odometry.keyframes, of_keyframes, self.sensor(poses))
+        keyframes, captures = self.odometry.keyframes, self.odometry.frames.capture[rows]
+        tracks = FeatureTracks(keyframes, of_keyframes, self.sensor(poses), captures)
         model = SensorModel(self._intrinsics, self.config.registration)
         closed = set(map(tuple, np.unique(self.matches[:, [0, 2]], axis=0).tolist()))
         edges = keyframe_edges(poses, self.odometry, closed) + by_number(surfaces, rows)

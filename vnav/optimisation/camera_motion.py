@@ -29,6 +29,11 @@ def velocities(T_world_camera: Array, frames: FrameTable) -> Array:
     return np.where(known, motion, 0.0)
 
 
+def motions_after(T_world_camera: Array, frames: FrameTable, after_s: Array) -> Array:
+    """Motions (N, 4, 4) of the cameras from their poses, in the time (C,) of their capture."""
+    return se3.exp(velocities(T_world_camera, frames) * after_s[frames.capture, None])
+
+
 def _joined(T_world_camera: Array, frames: FrameTable) -> NDArray[np.bool_]:
     """Which frames (N - 1,) and the next are of one capture, near in time, and have poses."""
     posed = np.isfinite(T_world_camera[:, 0, 0])

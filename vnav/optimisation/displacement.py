@@ -76,14 +76,17 @@ class Patches:
 
 
 def without_displacement(
-    edges: Sequence[Edge], T_world_camera: Array, sensor: MovingSensor, errors: SensorErrors
+    edges: Sequence[Edge],
+    T_world_camera: Array,
+    sensor: MovingSensor,
+    errors: Sequence[SensorErrors],
 ) -> list[Edge]:
-    """The edges between frames as a sensor without these errors would have measured them.
+    """The edges between frames as sensors without these errors, one a capture, would measure them.
 
     ``T_world_camera`` (N, 4, 4) of all frames. What both frames see of the keyframe before tells;
     where that is too little, an edge stays as it is, and all do where there are no delays.
     """
-    if not errors.delayed:
+    if not any(e.delayed for e in errors):
         return list(edges)
     rows = [keyframe.row for keyframe in sensor.keyframes]
     before = (np.searchsorted(rows, [e.i for e in edges], side="right") - 1).clip(0)
@@ -100,10 +103,14 @@ def without_displacement(
 
 
 class _SeenKeyframe:
-    """What frames show of one keyframe, by a sensor with errors, from poses (N, 4, 4)."""
+    """What frames show of one keyframe, by sensors with errors, from poses (N, 4, 4)."""
 
     def __init__(
-        self, sensor: MovingSensor, errors: SensorErrors, keyframe: int, T_world_camera: Array
+        self,
+        sensor: MovingSensor,
+        errors: Sequence[SensorErrors],
+        keyframe: int,
+        T_world_camera: Array,
     ) -> None:
         self._sensor, self._errors, self._T_world_camera = sensor, errors, T_world_camera
         self._T_keyframe_world = se3.inverse(T_world_camera[sensor.keyframes[keyframe].row])
@@ -127,7 +134,8 @@ class _SeenKeyframe:
         if row not in self._measured:
             T_keyframe_camera = self._T_keyframe_world @ self._T_world_camera[row]
             seen = self._patches.seen_from(T_keyframe_camera)
-            self._measured[row] = seen.measured(self._sensor.cameras[row], self._errors)
+            camera = self._sensor.cameras[row]
+            self._measured[row] = seen.measured(camera, self._errors[camera.capture])
         return self._measured[row]
 
 

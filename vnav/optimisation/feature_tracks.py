@@ -32,6 +32,7 @@ class FeatureTracks:
     """Every feature of every keyframe as an observation of its track's 3D point.
 
     ``of_keyframes``: for each keyframe the number of each feature's track; see `merged`.
+    ``captures`` (K,): the number of each keyframe's; by default all are of one.
     """
 
     def __init__(
@@ -39,6 +40,7 @@ class FeatureTracks:
         keyframes: Sequence[FrameFeatures],
         of_keyframes: Sequence[NDArray[np.int32]],
         sensor: MovingSensor | None = None,
+        captures: NDArray[np.int32] | None = None,
     ) -> None:
         counts = np.array([len(k.features) for k in keyframes], np.int32)
         camera = np.repeat(np.arange(len(counts), dtype=np.int32), counts)
@@ -49,6 +51,7 @@ class FeatureTracks:
         self.seen = Observations(track.astype(np.int32), camera, px, 1 / self.points_camera[:, 2])
         self.count = int(track.max(initial=-1)) + 1
         self.sensor = sensor
+        self.captures = np.zeros(len(counts), np.int32) if captures is None else captures
 
     def at_rest(self) -> "FeatureTracks":
         """The same of a camera of whose motion nothing is known."""
@@ -75,14 +78,14 @@ class FeatureTracks:
         tracks.seen = self.seen.measured(px, self.seen.inverse_depth)
         return tracks
 
-    def without(self, errors: SensorErrors) -> tuple["FeatureTracks", Array]:
-        """The same, measured without a sensor's errors, and how what is measured grows with them.
+    def without(self, errors: Sequence[SensorErrors]) -> tuple["FeatureTracks", Array]:
+        """The same, measured without each capture's errors, and how what is measured grows by them.
 
         The second is (F, 3, 3) as in `Readings`. These tracks are as measured. At rest, depth's
         offset alone is taken off.
         """
         if self.sensor is None:
-            readings = self._without_offset(errors.depth_offset)
+            readings = self._without_offsets(np.array([e.depth_offset for e in errors]))
         else:
             readings = self.sensor.readings(errors)
         tracks = copy.copy(self)
@@ -90,13 +93,15 @@ class FeatureTracks:
         tracks.seen = self.seen.measured(readings.px, 1 / readings.points_camera[:, 2])
         return tracks, readings.by_error
 
-    def corrected(self, errors: SensorErrors) -> "FeatureTracks":
+    def corrected(self, errors: Sequence[SensorErrors]) -> "FeatureTracks":
         """The first of these two."""
-        return (self if errors.delayed else self.at_rest()).without(errors)[0]
+        moves = any(e.delayed for e in errors)
+        return (self if moves else self.at_rest()).without(errors)[0]
 
-    def _without_offset(self, offset: float) -> Readings:
+    def _without_offsets(self, offsets: Array) -> Readings:
         by_error = np.zeros((len(self.seen), 3, 3))
         by_error[:, 2, 0] = 1
+        offset = offsets[self.captures[self.seen.camera], None]
         points = self.points_camera / (1 - offset * self.points_camera[:, 2:])
         return Readings(self.seen.px, points, by_error)
 

@@ -15,7 +15,7 @@ from vnav.optimisation.bundle_problem import PosePrior
 from vnav.optimisation.camera_fit import CameraFit, camera_fits
 from vnav.optimisation.feature_tracks import FeatureTracks
 from vnav.optimisation.observation_selection import ObservationSelection, move_unshared_points
-from vnav.optimisation.self_calibration import UNKNOWN_SENSOR, SensorCalibration, calibrated
+from vnav.optimisation.self_calibration import SensorCalibration, calibrated
 from vnav.optimisation.sensor_model import Bundle, SensorModel
 
 FIRST_SLACK = 9.0  # the first poses' errors exceed the noise: outliers go step by step
@@ -28,8 +28,8 @@ class AdjustedBundle:
 
     ``rounds``: of bundle adjustment, that led there.
 
-    ``sensor``: what it does wrong; landmarks are without. ``camera_fits``: of its cameras, where
-    there was more than one round.
+    ``sensor``: what that of each capture does wrong; landmarks are without. ``camera_fits``: of
+    cameras, where there was more than one round.
     """
 
     T_world_camera: Array
@@ -86,8 +86,9 @@ class RoughBundle:
         seen = tracks.seen[tracks.shared(inliers)]
         covariance = covariances(bundle, selection.problem(seen, model))
         landmarks = _landmarks(bundle, tracks, inliers, model)
-        rms_px = self.rms_px_before, model.rms_px(bundle, seen)
-        told = len(seen), self.sensor, fits, *rms_px, rounds
+        after_px = model.rms_px(bundle, seen)
+        before_px = self.rms_px_before if rounds else after_px
+        told = len(seen), self.sensor, fits, before_px, after_px, rounds
         return AdjustedBundle(bundle.T_world_camera, covariance, landmarks, *told)
 
 
@@ -107,21 +108,20 @@ def rough_bundle(
     errors are found and taken off.
 
     ``edges``: relative poses of keyframes, by number; where two share too few landmarks, theirs
-    keeps them connected. ``prior``: see `BundleProblem`. ``known`` of the sensor's errors is
-    taken off before the first round, too.
+    keeps them connected. ``prior``: see `BundleProblem`. What is ``known`` of each capture's
+    sensor, by default of one that nothing is, is taken off before the first round, too.
     """
-    measured = tracks
-    if known is not None:
-        tracks = measured.corrected(known.errors)
+    sensor = known or SensorCalibration.unknown(1)
+    measured, tracks = tracks, tracks.corrected(sensor.errors)
     bundle, rows = _initial_bundle(T_world_camera, tracks, model)
     selection = ObservationSelection(rows, model, edges, prior, config.min_shared_landmarks)
     near = tracks.shared(selection.inliers(bundle, tracks, model, FIRST_SLACK))
-    rms_px, sensor = model.rms_px(bundle, tracks.seen[near]), UNKNOWN_SENSOR
+    rms_px = model.rms_px(bundle, tracks.seen[near])
     for k in range(config.bundle_rounds - 1):
         bundle = _round(bundle, tracks, selection, ROUGH_ITERATIONS, first=k == 0)
     if config.bundle_rounds > 1:
         near = selection.inliers(bundle, tracks, model)
-        sensor, bundle = calibrated(bundle, measured, selection, known)
+        sensor, bundle = calibrated(bundle, measured, selection, sensor)
         tracks = measured.corrected(sensor.errors)
         bundle = move_unshared_points(bundle, tracks, near, tracks.long(rows))
     return RoughBundle(bundle, tracks, selection, sensor, config, rms_px)

@@ -17,7 +17,7 @@ from vnav.core.frame import Edge, Rejected
 from vnav.core.mapping import LOST, Odometry
 from vnav.core.reduced_frame import Seen
 from vnav.core.view_overlap import are_apart, view_overlap
-from vnav.optimisation.camera_motion import velocities
+from vnav.optimisation.camera_motion import motions_after
 from vnav.registration.dense import align_surfaces
 from vnav.registration.surface_agreement import Agreement, agreements, disagreeing
 
@@ -52,17 +52,17 @@ class Revisits:
 def find_revisits(
     odometry: Odometry,
     poses: Array,
-    depth_delay_s: float,
+    depth_delay_s: Array,
     cameras: Sequence[Intrinsics],
     seen: Seen,
     config: Config,
 ) -> Revisits:
     """Keyframes that see the same at different times, held against those that follow each other.
 
-    ``poses`` (N, 4, 4) of all frames, NaN where there is none; depth is measured so much later;
-    ``cameras``: one a capture.
+    ``poses`` (N, 4, 4) of all frames, NaN where there is none; depth is measured so much later,
+    and there are so many cameras, as there are captures.
     """
-    delayed = se3.exp(velocities(poses, odometry.frames) * depth_delay_s)
+    delayed = motions_after(poses, odometry.frames, depth_delay_s)
     T_world_depth = poses @ delayed
     rows = odometry.keyframe_rows
     part = np.where(np.isfinite(poses[:, 0, 0]), 0, LOST).astype(np.int32)

@@ -106,7 +106,7 @@ class SecondLook:
         p = np.clip(min(into.values(), default=0.5), 1 - SURE, SURE)
         return float(np.log(p / (1 - p)))
 
-    def revisits(self, poses: Array, depth_delay_s: float) -> Revisits:
+    def revisits(self, poses: Array, depth_delay_s: Array) -> Revisits:
         """Keyframes that see one place at different times, by poses (N, 4, 4) of all frames."""
         odometry, cameras = self._odometry, self._cameras
         return find_revisits(odometry, poses, depth_delay_s, cameras, self._moving, self._config)

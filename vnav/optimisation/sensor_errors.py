@@ -24,7 +24,7 @@ DepthOf = Callable[[int], NDArray[np.float32]]
 
 @dataclass(frozen=True)
 class SensorErrors:
-    """What measured inverse depths have too much (1/m), and what is seen later than stamped.
+    """What measured inverse depths of a capture have too much, 1/m, and what is seen late.
 
     ``depth_delay_s``: depth after colour; ``line_delay_s``: a row of colour after the row above.
     The stamp is that of the middle row.
@@ -62,11 +62,12 @@ class Readings:
 class MovingCamera:
     """A camera that moves by a twist (6,) as it takes a frame: rad/s and m/s, rotation first.
 
-    The twist is in the camera's own axes.
+    The twist is in the camera's own axes; ``capture``: the number of the one it takes.
     """
 
     intrinsics: Intrinsics
     twist: Array
+    capture: int = 0
 
     def rows(self, px: Array) -> Array:
         """Rows (F,) of pixels (F, 2) below the middle one."""
@@ -162,8 +163,10 @@ class MovingSensor:
         config: RegistrationConfig,
     ) -> "MovingSensor":
         """As poses (N, 4, 4) of all frames tell the motion; ``cameras``: one a capture."""
-        intrinsics = [cameras[capture] for capture in odometry.frames.capture]
-        moving = map(MovingCamera, intrinsics, velocities(T_world_camera, odometry.frames))
+        captures = odometry.frames.capture.tolist()
+        intrinsics = [cameras[capture] for capture in captures]
+        twists = velocities(T_world_camera, odometry.frames)
+        moving = map(MovingCamera, intrinsics, twists, captures)
         return cls(odometry.keyframes, list(moving), depth_of, config)
 
     def with_features(self, chosen: Sequence[NDArray[np.intp]]) -> "MovingSensor":
@@ -176,11 +179,12 @@ class MovingSensor:
         keyframe = self.keyframes[k]
         return MovingView(keyframe, self._depth_of(keyframe.row), self.cameras[keyframe.row])
 
-    def readings(self, errors: SensorErrors) -> Readings:
-        """What the features of all keyframes would show, had the sensor no errors."""
+    def readings(self, errors: Sequence[SensorErrors]) -> Readings:
+        """What the features of all keyframes would show, had no capture's sensor its errors."""
 
         def of_view(k: int) -> Readings:
-            return self.view(k).readings(errors, self.config)
+            view = self.view(k)
+            return view.readings(errors[view.camera.capture], self.config)
 
         with ThreadPoolExecutor(os.cpu_count()) as pool:
             parts = list(pool.map(of_view, range(len(self.keyframes))))

@@ -71,12 +71,13 @@ def solve(
     as they are or are a prior. ``depth_of``: a keyframe's depth image by its row; without these
     nothing is said of delays. ``look``: a second one at stretches that closures contradict.
     """
-    measured = Adjustment(odometry, matches, cameras, config, depth_of)
+    unknown = SensorCalibration.unknown(len(cameras))
+    measured = Adjustment(odometry, matches, cameras, config, depth_of, unknown)
     if odometry.given:
         return _solve_given(closures, measured)
     found = _joined(measured, closures, look)
     progress("optimise", 1, 3)
-    if found.sensor.errors.delayed:
+    if found.sensor.delayed:
         still, freed = found.undisplaced(measured, closures)
         found = _joined(still, freed, look)
     progress("optimise", 2, 3)
@@ -128,7 +129,7 @@ class _Joined:
 
     @property
     def sensor(self) -> SensorCalibration:
-        """What the rough adjustment says of the sensor."""
+        """What the rough adjustment says of each capture's sensor."""
         return self.keyframes.rough.sensor
 
     @property
@@ -183,7 +184,7 @@ def _contradicting_surfaces(
     poses: Array, adjusted: AdjustedBundle, closures: Sequence[Edge], look: SecondLook
 ) -> list[Edge]:
     """Edges by the surfaces of keyframes that no closure joins; none where these bear poses out."""
-    revisits = look.revisits(poses, adjusted.sensor.errors.depth_delay_s)
+    revisits = look.revisits(poses, adjusted.sensor.depth_delay_s)
     if not revisits.contradict:
         return []
     return look.surface_edges(revisits, {(e.i, e.j) for e in closures})

@@ -4,12 +4,14 @@ from typing import Any
 
 import numpy as np
 
+from vnav.core.arrays import Array
 from vnav.core.mapping import Odometry, OptimisedMap, how_held
 from vnav.core.report import Report
 from vnav.optimisation.bundle_problem import PosePrior
 from vnav.optimisation.landmarks import AdjustedBundle
 from vnav.optimisation.mending import CUT, LEFT_OUT, REGISTERED_AGAIN
 from vnav.optimisation.self_calibration import SensorCalibration
+from vnav.optimisation.sensor_errors import SensorErrors
 from vnav.optimisation.solution import Solution
 
 
@@ -51,7 +53,7 @@ def _values(solution: Solution, result: OptimisedMap) -> dict[str, Any]:
         "closures_rejected": len(solution.robust.graph.kept) - len(solution.closures),
         "graph_error_before": solution.robust.graph.error_before,
         "graph_error_after": solution.robust.graph.error_after,
-        **_sensor_values(adjusted.sensor),
+        "sensors": list(map(_sensor_values, adjusted.sensor.errors, adjusted.sensor.sigmas)),
         "camera_fits": [vars(fit) for fit in adjusted.camera_fits],
         "surface_edges": len(solution.surfaces),
         "landmarks": len(adjusted.landmarks),
@@ -101,18 +103,27 @@ def _landmarks_line(adjusted: AdjustedBundle) -> str:
     )
 
 
-def _sensor_values(sensor: SensorCalibration) -> dict[str, float | None]:
-    """Each error of the sensor, and its standard deviation, None where nothing tells it."""
+def _sensor_values(errors: SensorErrors, sigmas: Array) -> dict[str, float | None]:
+    """Each error of a sensor, and its standard deviation, None where nothing tells it."""
     values: dict[str, float | None] = {}
-    for (name, error), sigma in zip(vars(sensor.errors).items(), sensor.sigmas, strict=True):
-        values |= {name: error, f"{name}_sigma": float(sigma) if np.isfinite(sigma) else None}
+    for (name, error), sigma in zip(vars(errors).items(), sigmas.tolist(), strict=True):
+        values |= {name: error, f"{name}_sigma": sigma if np.isfinite(sigma) else None}
     return values
 
 
 def sensor_lines(sensor: SensorCalibration) -> list[str]:
-    """What is wrong with the sensor, where anything is."""
-    errors, (_, depth_sigma_s, line_sigma_s) = sensor.errors, sensor.sigmas
-    lines = []
+    """What is wrong with each capture's sensor, where anything is."""
+    of_each = map(_lines_of, sensor.errors, sensor.sigmas)
+    named = len(sensor.errors) > 1
+    return [
+        f"capture {c}: {line}" if named else line
+        for c, lines in enumerate(of_each)
+        for line in lines
+    ]
+
+
+def _lines_of(errors: SensorErrors, sigmas: Array) -> list[str]:
+    (_, depth_sigma_s, line_sigma_s), lines = sigmas, []
     if errors.depth_offset:
         how = "short" if errors.depth_offset > 0 else "long"
         off_mm = 1000 * abs(errors.depth_offset) * 4**2

@@ -49,7 +49,7 @@ def place_in_world(
         solution.adjusted.covariance,
         dataclasses.replace(landmarks, points_world=points),
         dataclasses.replace(world, up_in_images=side),
-        solution.adjusted.sensor.errors.depth_delay_s,
+        solution.adjusted.sensor.depth_delay_s,
     )
 
 

@@ -71,14 +71,16 @@ def assess(folder: MapFolder, config: Config) -> Quality:
     odometry, poses = load_odometry(folder), load_optimised(folder).T_world_camera
     rows, registration = odometry.keyframe_rows, config.registration
     optimised, cameras = folder.report("optimise").get("values", {}), map_cameras(folder)
-    errors, sensor = _sensor_errors(optimised), _sensor(folder, odometry, poses, cameras, config)
+    errors = _sensor_errors(optimised, len(cameras))
+    sensor = _sensor(folder, odometry, poses, cameras, config)
 
     @cache
     def seen(row: int) -> ReducedFrame:
         frame = load_keyframe(folder, row, odometry.frames)
         return reduced(frame).moving(sensor.cameras[row].twist)
 
-    revisits = find_revisits(odometry, poses, errors.depth_delay_s, cameras, seen, config)
+    delay_s = np.array([e.depth_delay_s for e in errors])
+    revisits = find_revisits(odometry, poses, delay_s, cameras, seen, config)
     loops, rejected = _loops(folder)
     posed = int(np.isfinite(poses[:, 0, 0]).sum())
     against = _against(rejected, poses, seen, sensor, errors)
@@ -147,9 +149,11 @@ def _sensor(
     return MovingSensor.along(T_world_camera, odometry, cameras, depth_of, config.registration)
 
 
-def _sensor_errors(optimised: dict[str, Any]) -> SensorErrors:
-    """Those that were found with the poses."""
-    return SensorErrors(*(optimised.get(field.name, 0.0) for field in fields(SensorErrors)))
+def _sensor_errors(optimised: dict[str, Any], captures: int) -> list[SensorErrors]:
+    """Those of each capture's sensor that were found with the poses; 0 where nothing was told."""
+    names = [field.name for field in fields(SensorErrors)]
+    of_each = optimised.get("sensors", [{}] * captures)
+    return [SensorErrors(*(told.get(name, 0.0) for name in names)) for told in of_each]
 
 
 def _wrong_fits(optimised: dict[str, Any]) -> list[CameraFit]:
@@ -177,7 +181,7 @@ def _against(
     T_world_camera: Array,
     seen: Seen,
     sensor: MovingSensor,
-    errors: SensorErrors,
+    errors: Sequence[SensorErrors],
 ) -> list[Edge]:
     """Those that contradict the map also without what the sensor's errors displace."""
     asked = evenly(rejected, MOST_LOOPS)

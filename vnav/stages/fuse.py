@@ -10,7 +10,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vnav.config import Config, FuseConfig
-from vnav.core import se3
 from vnav.core.arrays import Array, Floats
 from vnav.core.grid import FREE, STATES, Grid
 from vnav.core.mapping import Landmarks, World
@@ -31,7 +30,7 @@ from vnav.io.store.artifacts import (
 )
 from vnav.io.store.map_folder import MapFolder
 from vnav.io.store.stage_reports import clock, finished, reused, settings_of
-from vnav.optimisation.camera_motion import velocities
+from vnav.optimisation.camera_motion import motions_after
 from vnav.planning.projection import project
 from vnav.planning.storeys import other_floor
 from vnav.planning.walked import add_walked
@@ -88,8 +87,7 @@ class PosedFrames:
     def __init__(self, folder: MapFolder) -> None:
         odometry, optimised = load_odometry(folder), load_optimised(folder)
         poses = optimised.T_world_camera
-        later = optimised.depth_delay_s * velocities(poses, odometry.frames)
-        poses = poses @ se3.exp(later)
+        poses = poses @ motions_after(poses, odometry.frames, optimised.depth_delay_s)
         self._folder, self._frames, self._poses = folder, odometry.frames, poses
         self._cameras, self._keyframe_rows = map_cameras(folder), odometry.keyframe_rows
         rows = np.union1d(self._keyframe_rows, kept_rows(folder, len(poses)))

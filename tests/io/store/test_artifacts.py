@@ -159,7 +159,7 @@ def test_the_optimised_map_is_loaded_as_it_was_saved(folder: MapFolder, world: W
     landmarks = Landmarks(RNG.random((3, 3)), RNG.random(3), [0, 0, 2], [0, 1, 1], [4, 2, 0])
     saved(folder, "odometry", lambda draft: artifacts.save_odometry(draft, odometry()))
     poses = se3.exp(RNG.standard_normal((4, 6)))
-    result = OptimisedMap(poses, RNG.random((2, 6, 6)), landmarks, world, 0.02)
+    result = OptimisedMap(poses, RNG.random((2, 6, 6)), landmarks, world, np.array([0.02, 0.0]))
     saved(folder, "optimise", lambda draft: artifacts.save_optimised(draft, result))
     assert_same(result, artifacts.load_optimised(folder))
 

@@ -1,6 +1,7 @@
 """What a map holds, also where it is not finished."""
 
 import shutil
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -46,8 +47,7 @@ def test_frames_that_no_loop_joins_are_named(folder: MapFolder) -> None:
     poses = result.T_world_camera.copy()
     poses[50:] = np.nan
     with folder.writing("optimise", {}, folder.inputs_of("odometry", "loops")) as draft:
-        changed = type(result)(poses, result.keyframe_covariance, result.landmarks, result.world)
-        artifacts.save_optimised(draft, changed)
+        artifacts.save_optimised(draft, replace(result, T_world_camera=poses))
         artifacts.save_verdicts(draft, ())
     values = overview(folder)
     assert values["lost"][1:] == [{"capture": 0, "first": 50, "last": 59, "reason": UNJOINED}]

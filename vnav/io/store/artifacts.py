@@ -303,7 +303,7 @@ def save_optimised(draft: Path, result: OptimisedMap) -> None:
         draft / "map.npz",
         T_world_camera=result.T_world_camera,
         keyframe_covariance=result.keyframe_covariance,
-        depth_delay_s=np.array(result.depth_delay_s),
+        depth_delay_s=result.depth_delay_s,
         **vars(result.landmarks),
     )
     write_text(draft / "world.json", to_json(vars(result.world)))
@@ -313,7 +313,7 @@ def load_optimised(folder: MapFolder) -> OptimisedMap:
     """The result of the optimise stage."""
     arrays = _load(folder, "optimise", "map", N=_frames(folder))
     poses, covariance = arrays.pop("T_world_camera"), arrays.pop("keyframe_covariance")
-    delay_s = float(arrays.pop("depth_delay_s", 0.0))
+    delay_s = arrays.pop("depth_delay_s")
     world = _load_json(folder, "optimise", "world", World)
     return OptimisedMap(poses, covariance, Landmarks(**arrays), world, delay_s)
 

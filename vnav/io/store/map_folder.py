@@ -35,7 +35,7 @@ from vnav.io.store.records import (
     require_inside,
 )
 
-FORMAT = 6
+FORMAT = 7
 STAGES = ("odometry", "vocabulary", "loops", "optimise", "fuse", "index")
 _LEFTOVERS = tuple(f".{name}.*" for name in (*STAGES, "map.json"))  # drafts, and what they replace
 PARTS = ".parts"  # odometry of captures that are being joined, a folder for each

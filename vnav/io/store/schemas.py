@@ -191,7 +191,7 @@ SCHEMAS = {
         {
             "T_world_camera": Column("real", ("N", 4, 4), gaps=True),
             "keyframe_covariance": Column("real", ("K", 6, 6), gaps=True),
-            "depth_delay_s": Column("real", ()),
+            "depth_delay_s": Column("real", (None,)),
             "points_world": Column("real", ("L", 3)),
             "sigma_m": Column("real", ("L",), 0, gaps=True),
             "landmark": Column("whole", ("M",), 0, "L"),
