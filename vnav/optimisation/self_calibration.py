@@ -87,11 +87,11 @@ def calibrated(
         sigmas = np.where(free, found.sigmas, sigmas)
         size = np.abs([e.vector for e in found.errors])
         beyond, unsure = free & (size >= LARGEST), free & (size < SURE_SIGMAS * sigmas)
-        err = beyond.any(1, keepdims=True)  # captures whose others were not found to the end
-        refused = beyond | unsure & (err if err.any() else True)
-        if not refused.any():
+        if beyond.any():  # it ended early: other captures' errors may be larger than they were then
+            unsure &= beyond.any(1, keepdims=True)
+        if not (beyond | unsure).any():
             return SensorCalibration(found.errors, sigmas), adjusted
-        free = free & ~refused
+        free = free & ~beyond & ~unsure
 
 
 def _converged(
