@@ -168,7 +168,7 @@ def posed_map(tmp_path_factory: pytest.TempPathFactory, tiny_capture: Path) -> P
     nothing = np.zeros(0, np.int32)
     landmarks = Landmarks(np.zeros((0, 3)), np.zeros(0), nothing, nothing, nothing)
     covariance, world = np.zeros((len(keyframes), 6, 6)), World("floor", 9, 0)
-    result = OptimisedMap(poses, covariance, landmarks, world, np.zeros(1))
+    result = OptimisedMap(poses, covariance, landmarks, world, np.zeros(count))
     with folder.writing("optimise", {}, folder.inputs_of("odometry", "loops")) as draft:
         artifacts.save_optimised(draft, result)
         artifacts.save_verdicts(draft, verdicts)

@@ -123,9 +123,8 @@ def test_frames_that_are_left_out_follow_the_others(seed: int) -> None:
 def test_the_report_says_how_many_are_left_out() -> None:
     odometry, found = walked(0)[0], solved(0, 1)
     adjusted, world = found.adjusted, World("floor", 9, 0.01)
-    result = OptimisedMap(
-        found.poses, adjusted.covariance, adjusted.landmarks, world, adjusted.sensor.depth_delay_s
-    )
+    on_time = np.zeros(len(found.poses))
+    result = OptimisedMap(found.poses, adjusted.covariance, adjusted.landmarks, world, on_time)
     report = solution_report(found, result, odometry)
     assert report.values["keyframes_culled"] == WAYS * PLACES - OTHERS
     left_out = f"{WAYS * PLACES - OTHERS} of 60 keyframes are left out of it"

@@ -25,7 +25,6 @@ CONFIG = Config()
 DRIFT_RAD = 0.02  # over the walk, about the first camera's y: 4 cm at 2 m, 5 sigma of depth
 NO_MATCHES = np.zeros((0, 4), np.int32)
 DELAY_S, FASTER = 0.1, 2.0  # 10 frames a second: their velocities are known
-AT_ONCE = np.zeros(1)  # of each capture's depth
 
 Looking = Callable[[Odometry], SecondLook]
 
@@ -63,8 +62,13 @@ def off_m(pairs: Sequence[tuple[int, int]], T_i_j: Array, poses: Array) -> Array
     return np.linalg.norm((se3.inverse(T_i_j) @ se3.inverse(poses[i]) @ poses[j])[:, :3, 3], axis=1)
 
 
+def at_once(odometry: Odometry) -> np.ndarray:
+    """Delays (N,) of depth that is measured with colour."""
+    return np.zeros(len(odometry.frames))
+
+
 def test_surfaces_bear_out_a_walk_that_is_right(odometry: Odometry, looking: Looking) -> None:
-    revisits = looking(odometry).revisits(odometry.T_segment_camera, AT_ONCE)
+    revisits = looking(odometry).revisits(odometry.T_segment_camera, at_once(odometry))
     assert len(revisits.pairs) >= 5
     assert not revisits.contradict
 
@@ -72,14 +76,14 @@ def test_surfaces_bear_out_a_walk_that_is_right(odometry: Odometry, looking: Loo
 def test_surfaces_contradict_a_walk_that_has_turned_too_far(
     bent: Odometry, looking: Looking
 ) -> None:
-    assert looking(bent).revisits(bent.T_segment_camera, AT_ONCE).contradict
+    assert looking(bent).revisits(bent.T_segment_camera, at_once(bent)).contradict
 
 
 def test_edges_by_surfaces_are_nearer_to_the_truth_than_the_walk(
     odometry: Odometry, bent: Odometry, looking: Looking
 ) -> None:
     look, right = looking(bent), odometry.T_segment_camera
-    revisits = look.revisits(bent.T_segment_camera, AT_ONCE)
+    revisits = look.revisits(bent.T_segment_camera, at_once(bent))
 
     edges = look.surface_edges(revisits, set())
 
@@ -95,7 +99,7 @@ def test_keyframes_that_are_joined_already_get_no_second_edge(
     bent: Odometry, looking: Looking
 ) -> None:
     look = looking(bent)
-    revisits = look.revisits(bent.T_segment_camera, AT_ONCE)
+    revisits = look.revisits(bent.T_segment_camera, at_once(bent))
     first, *others = look.surface_edges(revisits, set())
 
     found = look.surface_edges(revisits, {(first.i, first.j)})
@@ -107,7 +111,7 @@ def test_surfaces_take_back_what_a_walk_without_loops_has_turned(
     odometry: Odometry, bent: Odometry, looking: Looking, camera: Intrinsics
 ) -> None:
     look, right = looking(bent), odometry.T_segment_camera
-    revisits = look.revisits(bent.T_segment_camera, AT_ONCE)
+    revisits = look.revisits(bent.T_segment_camera, at_once(bent))
 
     without = solve(bent, [], NO_MATCHES, [camera], CONFIG)
     by_surfaces = solve(bent, [], NO_MATCHES, [camera], CONFIG, look=look)
@@ -139,7 +143,8 @@ def test_surfaces_are_held_against_each_other_where_depth_was_measured(
     early = right @ se3.exp(-velocities(right, fast) * DELAY_S)
     look = looking(walk)
 
-    told, untold = look.revisits(early, np.array([DELAY_S])), look.revisits(early, AT_ONCE)
+    now = at_once(walk)
+    told, untold = look.revisits(early, now + DELAY_S), look.revisits(early, now)
 
     by_delay, without = (off_m(told.pairs, r.T_i_j, right).max() for r in (told, untold))
     assert by_delay < 0.5 * without  # a velocity changes in a tenth of a second, too

@@ -128,6 +128,15 @@ def test_frames_are_named_by_capture(extended: MapFolder) -> None:
         assert len(trajectory.stamps_s) == count
 
 
+def test_each_frame_keeps_the_time_that_its_depth_is_stamped_later(
+    extended: MapFolder, tiny_capture: Path, other_capture: Path
+) -> None:
+    captures = [open_capture(path, CaptureConfig()) for path in (tiny_capture, other_capture)]
+    offsets_s = np.concatenate([capture.files.offsets_s for capture in captures])
+    assert offsets_s.all()
+    np.testing.assert_allclose(load_odometry(extended).frames.depth_after_s, offsets_s)
+
+
 def test_edges_join_frames_of_one_capture(extended: MapFolder, other: Capture) -> None:
     both = load_odometry(extended)
     assert all((e.i < FRAMES) == (e.j < FRAMES) for e in both.edges)

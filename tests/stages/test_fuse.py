@@ -60,7 +60,9 @@ def test_late_depth_is_fused_from_where_the_camera_was_by_then(
     with altering(folder, "odometry") as draft:
         artifacts.save_odometry(draft, replace(odometry, frames=frames))
     with altering(folder, "optimise") as draft:
-        artifacts.save_optimised(draft, replace(result, depth_delay_s=np.array([0.05])))
+        artifacts.save_optimised(
+            draft, replace(result, depth_delay_s=np.full(len(odometry.frames), 0.05))
+        )
     rows, poses = odometry.keyframe_rows[:-1], result.T_world_camera
     found = np.array([view.T_world_camera for view in fuse.PosedFrames(folder)])[: len(rows)]
     off_m = np.linalg.norm(found[:, :3, 3] - poses[rows + 1, :3, 3], axis=1)

@@ -117,6 +117,14 @@ def test_every_frame_of_a_good_capture_is_tracked(tiny: Odometry) -> None:
     np.testing.assert_array_equal(tiny.T_segment_camera[0], np.eye(4))
 
 
+def test_the_frame_table_says_how_much_later_depth_is_stamped(
+    tiny: Odometry, tiny_capture: Path
+) -> None:
+    offsets_s = open_capture(tiny_capture, CaptureConfig()).files.offsets_s
+    assert offsets_s.all()
+    np.testing.assert_allclose(tiny.frames.depth_after_s, offsets_s)
+
+
 def test_edges_are_as_good_as_they_say(tiny: Odometry, truth: np.ndarray) -> None:
     # 1 on average where keypoints err by the pixel of the settings; rendered frames err by less.
     errors = [normalised(true_motion(truth, e.i, e.j), e) for e in tiny.edges]
@@ -400,7 +408,8 @@ def test_arrays_make_the_same_odometry_as_the_folder_they_were_read_from(
 ) -> None:
     read = [capture.read(k) for k in range(6)]
     images = [f.color for f in read], [f.depth_m for f in read]
-    arrays = frames(*images, capture.camera, capture.stamps_s[:6])
+    depth_s = [f.stamp_s + f.depth_after_s for f in read]
+    arrays = frames(*images, capture.camera, capture.stamps_s[:6], depth_stamps_s=depth_s)
     folders = {"files": Subset(capture, range(6)), "arrays": arrays}
     for name, source in folders.items():
         odometry.run(MapFolder.create(tmp_path / name), source, CONFIG)

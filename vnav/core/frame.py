@@ -30,6 +30,8 @@ class Frame:
     hidden
         (H, W) bool: pixels that show nothing of the scene, as burnt-in text; they have no depth.
         None where all show it.
+    depth_after_s
+        How much later than the colour image's the depth image's own time is.
     """
 
     capture: int
@@ -39,6 +41,7 @@ class Frame:
     depth_m: NDArray[np.float32]
     intrinsics: Intrinsics
     hidden: NDArray[np.bool_] | None = None
+    depth_after_s: float = 0.0
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "color", frozen(self.color, np.uint8, (None, None, 3)))

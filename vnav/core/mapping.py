@@ -13,6 +13,7 @@ from vnav.core.arrays import Array, frozen
 from vnav.core.frame import Edge, Features
 
 LOST = -1
+EVEN_S = 1e-3  # by which stamps of depth may vary against colour's, and count as even
 MOST_SPANS = 10  # lost for one reason, that are told one by one
 EVEN_LIGHT = frozen(np.array([[1, 0]], np.float32), np.float32, (1, 2))  # of one capture
 CONTRADICTS = "disagrees with the pose graph"  # reason of a loop that was found and is not kept
@@ -23,21 +24,39 @@ FLOOR_OFF_M, FLOOR_TILT_DEG = 0.05, 2.0  # of a given world, where the grid stil
 class FrameTable:
     """Every frame of the map's captures, in order; a row of it is how a frame is named inside.
 
-    ``capture`` (N,), ``index`` (N,) int32: the frame's key; ``stamp_s`` (N,) float64.
+    ``capture`` (N,), ``index`` (N,) int32: the frame's key; ``stamp_s`` (N,) float64;
+    ``depth_after_s`` (N,) float64: how much later depth's stamp is, by default not at all.
     """
 
     capture: NDArray[np.int32]
     index: NDArray[np.int32]
     stamp_s: NDArray[np.float64]
+    depth_after_s: NDArray[np.float64] = field(default_factory=lambda: np.zeros(0))
 
     def __post_init__(self) -> None:
         n = len(self.capture)
+        after_s = self.depth_after_s if len(self.depth_after_s) else np.zeros(n)
+        object.__setattr__(self, "depth_after_s", frozen(after_s, np.float64, (n,)))
         object.__setattr__(self, "capture", frozen(self.capture, np.int32, (n,)))
         object.__setattr__(self, "index", frozen(self.index, np.int32, (n,)))
         object.__setattr__(self, "stamp_s", frozen(self.stamp_s, np.float64, (n,)))
 
     def __len__(self) -> int:
         return len(self.capture)
+
+    @property
+    def uneven_s(self) -> NDArray[np.float64]:
+        """How much later than its capture's median each frame's depth is stamped (N,).
+
+        0 in a capture where that stays within `EVEN_S`.
+        """
+        after_s = np.array(self.depth_after_s)
+        for capture in np.unique(self.capture):
+            rows = self.capture == capture
+            after_s[rows] -= np.median(after_s[rows])
+            if np.abs(after_s[rows]).max() < EVEN_S:
+                after_s[rows] = 0
+        return after_s
 
     def lost_spans(self, reasons: Sequence[str]) -> list["Span"]:
         """Runs of neighbouring frames of one capture lost for one reason, empty where not lost."""
@@ -312,8 +331,8 @@ class OptimisedMap:
 
     ``T_world_camera`` (N, 4, 4): every frame of the frame table, NaN where it is not part of the
     main map; ``keyframe_covariance`` (K, 6, 6): marginal of each keyframe's tangent, rotation
-    first; ``landmarks`` with keyframe numbers as in `Odometry`; ``depth_delay_s`` (C,): how long
-    after colour, whose pose a frame's is, each capture's depth was measured.
+    first; ``landmarks`` with keyframe numbers as in `Odometry`; ``depth_delay_s`` (N,): how long
+    after colour, whose pose a frame's is, its depth was measured.
     """
 
     T_world_camera: NDArray[np.float64]

@@ -30,8 +30,8 @@ def velocities(T_world_camera: Array, frames: FrameTable) -> Array:
 
 
 def motions_after(T_world_camera: Array, frames: FrameTable, after_s: Array) -> Array:
-    """Motions (N, 4, 4) of the cameras from their poses, in the time (C,) of their capture."""
-    return se3.exp(velocities(T_world_camera, frames) * after_s[frames.capture, None])
+    """Motion (N, 4, 4) of the camera from each frame's pose in a time (N,) of its own."""
+    return se3.exp(velocities(T_world_camera, frames) * after_s[:, None])
 
 
 def _joined(T_world_camera: Array, frames: FrameTable) -> NDArray[np.bool_]:

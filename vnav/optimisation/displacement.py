@@ -67,7 +67,7 @@ class Patches:
         px = at_stamp
         for _ in range(ROUNDS):
             px, _ = camera.moved(at_stamp, inverse, camera.rows(px) * errors.line_delay_s)
-        late = self.seen_from(se3.exp(errors.depth_delay_s * camera.twist))
+        late = self.seen_from(se3.exp(camera.depth_delay_s(errors) * camera.twist))
         depth = (late.planes * camera.intrinsics.unproject(px, np.ones(len(px)))).sum(1)
         last_px = np.array(camera.intrinsics.size) - 1
         seen = ((px >= 0) & (px <= last_px)).all(1) & (depth > 0)

@@ -53,6 +53,11 @@ class FeatureTracks:
         self.sensor = sensor
         self.captures = np.zeros(len(counts), np.int32) if captures is None else captures
 
+    @property
+    def uneven_captures(self) -> NDArray[np.intp]:
+        """Captures whose depth's stamps are known to vary against colour's."""
+        return np.array([] if self.sensor is None else self.sensor.uneven_captures, np.intp)
+
     def at_rest(self) -> "FeatureTracks":
         """The same of a camera of whose motion nothing is known."""
         tracks = copy.copy(self)
@@ -81,7 +86,7 @@ class FeatureTracks:
     def without(self, errors: Sequence[SensorErrors]) -> tuple["FeatureTracks", Array]:
         """The same, measured without each capture's errors, and how what is measured grows by them.
 
-        The second is (F, 3, 3) as in `Readings`. These tracks are as measured. At rest, depth's
+        The second is (F, 3, 4) as in `Readings`. These tracks are as measured. At rest, depth's
         offset alone is taken off.
         """
         if self.sensor is None:
@@ -99,7 +104,7 @@ class FeatureTracks:
         return (self if moves else self.at_rest()).without(errors)[0]
 
     def _without_offsets(self, offsets: Array) -> Readings:
-        by_error = np.zeros((len(self.seen), 3, 3))
+        by_error = np.zeros((len(self.seen), 3, 4))
         by_error[:, 2, 0] = 1
         offset = offsets[self.captures[self.seen.camera], None]
         points = self.points_camera / (1 - offset * self.points_camera[:, 2:])

@@ -59,8 +59,8 @@ def find_revisits(
 ) -> Revisits:
     """Keyframes that see the same at different times, held against those that follow each other.
 
-    ``poses`` (N, 4, 4) of all frames, NaN where there is none; depth is measured so much later,
-    and there are so many cameras, as there are captures.
+    ``poses`` (N, 4, 4) of all frames, NaN where there is none; each one's depth is measured so much
+    later (N,); ``cameras``: one a capture.
     """
     delayed = motions_after(poses, odometry.frames, depth_delay_s)
     T_world_depth = poses @ delayed

@@ -1,5 +1,6 @@
 """What the sensor does wrong, found together with the bundle: self-calibration."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,18 +18,20 @@ from vnav.optimisation.sensor_errors import SensorErrors
 from vnav.optimisation.sensor_model import Bundle
 from vnav.registration.pixel_evidence import DEPTH_DELAY_SIGMA_S, LINE_DELAY_SIGMA_S
 
-PRIOR_SIGMAS = np.array([2e-4, DEPTH_DELAY_SIGMA_S, LINE_DELAY_SIGMA_S])  # first: 3 mm at 4 m
-LARGEST = np.array([6e-4, 0.05, 1e-4])  # what is found beyond is no such error
-SURE_SIGMAS = np.array([0.0, 5.0, 5.0])  # with fewer from 0, a delay is not determined
-PASSES, STEPS = 10, 2  # a pass chooses its observations, and measures them without the errors
-FIRST_WIDTHS = 4.0, 2.0  # times the noise, of first passes: errors that are not known exceed it
+PRIOR_SIGMAS = np.array([2e-4, DEPTH_DELAY_SIGMA_S, LINE_DELAY_SIGMA_S, 1.0])  # 3 mm at 4 m first
+LARGEST = np.array([6e-4, 0.05, 1e-4, np.inf])  # what is found beyond is no such error
+RIGHT_SHARE = 0.5  # of what depth's stamps vary, by which images bear them out
+SURE_SIGMAS = np.array([0.0, 5.0, 5.0, 5.0])  # with fewer from 0, a delay is not determined
+STEPS = 2  # in a pass, which chooses its observations, and measures them without the errors
+LAST_PASSES = (1.0,) * 10  # at the most, by how many times the noise
+FIRST_PASSES = 4.0, 2.0  # before: errors that are not known exceed the noise
 CONVERGED_SIGMAS, CONVERGED_SHARE = 1.0, 0.03  # a pass that changes errors less is the last
 HELD = 1e-6  # times the prior's: noise of an error that is not free
 
 
 @dataclass(frozen=True)
 class SensorCalibration:
-    """What each capture's sensor does wrong, and standard deviations (C, 3) in the same order.
+    """What each capture's sensor does wrong, and standard deviations (C, 4) in the same order.
 
     Those of an error that is 0 say what it would have had to exceed; infinite where nothing tells.
     """
@@ -39,17 +42,12 @@ class SensorCalibration:
     @classmethod
     def unknown(cls, captures: int) -> "SensorCalibration":
         """Of so many captures, of which nothing is known."""
-        return cls((SensorErrors(),) * captures, np.full((captures, 3), np.inf))
+        return cls((SensorErrors(),) * captures, np.full((captures, 4), np.inf))
 
     @property
     def delayed(self) -> bool:
         """Whether anything is seen later than stamped."""
         return any(e.delayed for e in self.errors)
-
-    @property
-    def depth_delay_s(self) -> Array:
-        """How long after colour each capture's depth is measured (C,)."""
-        return np.array([e.depth_delay_s for e in self.errors])
 
 
 def calibrated(
@@ -67,7 +65,8 @@ def calibrated(
     is no such error: the data err otherwise. Either is 0 while the others are found again, from the
     bundle as it was given: what a wrong error bent and dropped is not to stay so. ``known``: found
     before, and what the bundle is without; where it has errors, these are found once more, from
-    there, and no others.
+    there, and no others. What depth's own stamps vary against colour's is taken for so, unless
+    images show less than half of it.
 
     Depth by triangulation, from structured light or stereo, errs by an offset of its disparity.
     That bends what is far against what is near, as no scale would, and landmarks seen from several
@@ -76,14 +75,37 @@ def calibrated(
     2012, "Rolling shutter bundle adjustment". Late depth is of another view than colour's.
     """
     start = np.array([e.vector for e in known.errors])
-    free, sigmas = start != 0, known.sigmas
-    if not free.any():
-        free[:] = True, *[tracks.sensor is not None] * 2
-        sigmas = np.where(free, PRIOR_SIGMAS, np.inf)
     long, of_long = of_long_tracks(tracks, selection)
+    free, uneven = start != 0, tracks.uneven_captures
+    free[:, 3] = False
+    if start.any():
+        return _sure(bundle, long, of_long, start, free, known.sigmas, LAST_PASSES)
+    free[:, :3] = True, *[tracks.sensor is not None] * 2
+    start[uneven, 3] = 1
+    of_settings, passes = np.where(free, PRIOR_SIGMAS, np.inf), (*FIRST_PASSES, *LAST_PASSES)
+    found, adjusted = _sure(bundle, long, of_long, start, free, of_settings, passes)
+    wrong = _wrong_stamps(adjusted, long, of_long, found, uneven)
+    if len(wrong):
+        start[wrong, 3] = 0
+        found, adjusted = _sure(bundle, long, of_long, start, free, of_settings, passes)
+    return found, adjusted
+
+
+def _sure(
+    bundle: Bundle,
+    tracks: FeatureTracks,
+    selection: ObservationSelection,
+    start: Array,
+    free: NDArray[np.bool_],
+    sigmas: Array,
+    passes: Sequence[float],
+) -> tuple[SensorCalibration, Bundle]:
+    """Those of the free errors that are determined; the share of depth's stamps is held."""
     while True:
-        measured = long if free[:, 1:].any() else long.at_rest()
-        found, adjusted = _converged(bundle, measured, of_long, start * free, free)
+        start = np.column_stack([start[:, :3] * free[:, :3], start[:, 3]])
+        moving = free[:, 1:].any() or start[:, 3].any()
+        measured = tracks if moving else tracks.at_rest()
+        found, adjusted = _converged(bundle, measured, selection, start, free, passes)
         sigmas = np.where(free, found.sigmas, sigmas)
         size = np.abs([e.vector for e in found.errors])
         beyond, unsure = free & (size >= LARGEST), free & (size < SURE_SIGMAS * sigmas)
@@ -94,29 +116,49 @@ def calibrated(
         free = free & ~beyond & ~unsure
 
 
+def _wrong_stamps(
+    bundle: Bundle,
+    tracks: FeatureTracks,
+    selection: ObservationSelection,
+    found: SensorCalibration,
+    uneven: NDArray[np.intp],
+) -> NDArray[np.intp]:
+    """Of captures with uneven stamps of depth, those in which images show less than half of it."""
+    if not len(uneven):
+        return uneven
+    errors = np.array([e.vector for e in found.errors])
+    share = np.zeros(errors.shape, bool)
+    share[uneven, 3] = True
+    asked, _ = _converged(bundle, tracks, selection, errors, share, (*FIRST_PASSES, 1.0))
+    shares = np.array([e.depth_stamp_share for e in asked.errors])
+    return uneven[shares[uneven] < RIGHT_SHARE]
+
+
 def _converged(
     bundle: Bundle,
     measured: FeatureTracks,
     selection: ObservationSelection,
     start: Array,
     free: NDArray[np.bool_],
+    passes: Sequence[float],
 ) -> tuple[SensorCalibration, Bundle]:
-    """The free errors (C, 3), found in passes from a start, and the bundle without them.
+    """The free errors (C, 4), found in passes from a start, and the bundle without them.
 
     From 0, what tells most of a delay stands out, and would be left out for it. So the first passes
-    take more for noise: the graduated non-convexity of Blake and Zisserman 1987.
+    take more for noise, each so many times: the graduated non-convexity of Blake and Zisserman
+    1987.
     """
     errors, priors = start, np.where(free, PRIOR_SIGMAS, HELD * PRIOR_SIGMAS)
     tracks, by_error = measured.without(_of_captures(errors))
-    widths = () if start.any() else FIRST_WIDTHS
-    for width in (*widths, *[1.0] * PASSES):
+    for width in passes:
         before, noise = errors, selection.noise(bundle, tracks).wider(width)
         inliers = selection.inliers(bundle, tracks, noise)
         rows = tracks.long(tracks.shared(inliers))
         problem = selection.problem(tracks.seen[rows], noise)
         grows = _by_capture(by_error[rows], tracks.captures[tracks.seen.camera[rows]], len(errors))
         for _ in range(STEPS):
-            step = calibrating_step(bundle, problem, grows, -errors.ravel(), priors.ravel())
+            pull = -errors * free
+            step = calibrating_step(bundle, problem, grows, pull.ravel(), priors.ravel())
             bundle, errors = step.bundle, errors + step.change.reshape(errors.shape) * free
             problem = problem.measured_less(grows @ step.change)
         tracks, by_error = measured.without(_of_captures(errors))
@@ -130,12 +172,12 @@ def _converged(
 
 
 def _of_captures(errors: Array) -> tuple[SensorErrors, ...]:
-    """Errors (C, 3) of each capture."""
+    """Errors (C, 4) of each capture."""
     return tuple(SensorErrors(*row) for row in errors.tolist())
 
 
 def _by_capture(by_error: Array, captures: NDArray[np.int32], count: int) -> Array:
-    """How what is measured (M, 3, 3) grows with the errors of all captures (M, 3, 3 C)."""
-    grows = np.zeros((len(by_error), 3, count, 3))
+    """How what is measured (M, 3, 4) grows with the errors of all captures (M, 3, 4 C)."""
+    grows = np.zeros((len(by_error), 3, count, 4))
     grows[np.arange(len(by_error)), :, captures] = by_error
-    return grows.reshape(len(by_error), 3, 3 * count)
+    return grows.reshape(len(by_error), 3, 4 * count)

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from vnav.config import RegistrationConfig
 from vnav.core.arrays import Array
 from vnav.core.camera import Intrinsics
-from vnav.core.mapping import FrameFeatures, Odometry
+from vnav.core.mapping import FrameFeatures, FrameTable, Odometry
 from vnav.features.lifting import inverse_depth_planes
 from vnav.optimisation.camera_motion import velocities
 
@@ -27,21 +27,23 @@ class SensorErrors:
     """What measured inverse depths of a capture have too much, 1/m, and what is seen late.
 
     ``depth_delay_s``: depth after colour; ``line_delay_s``: a row of colour after the row above.
-    The stamp is that of the middle row.
+    The stamp is that of the middle row. ``depth_stamp_share``: of what depth's own stamps vary
+    against colour's, that is so: 1 where they are right, 0 where they tell nothing.
     """
 
     depth_offset: float = 0.0
     depth_delay_s: float = 0.0
     line_delay_s: float = 0.0
+    depth_stamp_share: float = 0.0
 
     @property
     def delayed(self) -> bool:
         """Whether anything is seen later than stamped."""
-        return bool(self.depth_delay_s or self.line_delay_s)
+        return bool(self.depth_delay_s or self.line_delay_s or self.depth_stamp_share)
 
     @property
     def vector(self) -> Array:
-        """The three values (3,)."""
+        """The four values (4,)."""
         return np.array(astuple(self))
 
 
@@ -49,7 +51,7 @@ class SensorErrors:
 class Readings:
     """What F features show without the errors, as of their frame's stamp.
 
-    ``px`` (F, 2); ``points_camera`` (F, 3), NaN without depth; ``by_error`` (F, 3, 3): how what is
+    ``px`` (F, 2); ``points_camera`` (F, 3), NaN without depth; ``by_error`` (F, 3, 4): how what is
     measured, pixel and inverse depth, grows with each error.
     """
 
@@ -62,12 +64,18 @@ class Readings:
 class MovingCamera:
     """A camera that moves by a twist (6,) as it takes a frame: rad/s and m/s, rotation first.
 
-    The twist is in the camera's own axes; ``capture``: the number of the one it takes.
+    The twist is in the camera's own axes; ``capture``: the number of the one it takes;
+    ``uneven_s``: how much later than its capture's median depth is stamped.
     """
 
     intrinsics: Intrinsics
     twist: Array
     capture: int = 0
+    uneven_s: float = 0.0
+
+    def depth_delay_s(self, errors: SensorErrors) -> float:
+        """How long after colour its depth is measured."""
+        return errors.depth_delay_s + errors.depth_stamp_share * self.uneven_s
 
     def rows(self, px: Array) -> Array:
         """Rows (F,) of pixels (F, 2) below the middle one."""
@@ -85,16 +93,17 @@ class MovingCamera:
         return self.intrinsics.project(moved), 1 / moved[:, 2]
 
     def by_error(self, px: Array, inverse: Array, slopes: Array) -> Array:
-        """How pixel and inverse depth (F, 3) that are measured grow with each error: (F, 3, 3).
+        """How pixel and inverse depth (F, 3) that are measured grow with each error: (F, 3, 4).
 
         ``slopes`` (F, 2): of the inverse depth, which a depth image has under a pixel that lies
         elsewhere on the surface by then.
         """
         flow, growth = self._flow(px, inverse)
         along, rows = (slopes * flow).sum(1), self.rows(px)
-        found = np.zeros((len(px), 3, 3))
+        found = np.zeros((len(px), 3, 4))
         found[:, 2, 0] = 1
         found[:, 2, 1] = growth - along
+        found[:, 2, 3] = self.uneven_s * found[:, 2, 1]
         found[:, :2, 2], found[:, 2, 2] = flow * rows[:, None], along * rows
         return found
 
@@ -122,7 +131,8 @@ class MovingView:
         """
         px, camera = self.keyframe.features.keypoints_px.astype(float), self.camera
         row_s = camera.rows(px) * errors.line_delay_s
-        apart_s = errors.depth_delay_s - row_s
+        delay_s = camera.depth_delay_s(errors)
+        apart_s = delay_s - row_s
         guess = _filled(1 / self.keyframe.points_camera[:, 2].astype(float))
         depth_px, _ = camera.moved(px, guess, apart_s)
         planes = inverse_depth_planes(depth_px, self.depth_m, config)
@@ -130,7 +140,7 @@ class MovingView:
         there = np.where(np.isnan(found), guess, found)
         _, inverse = camera.moved(depth_px, there, -apart_s)
         px_at_stamp, _ = camera.moved(px, inverse, -row_s)
-        _, at_stamp = camera.moved(depth_px, there, np.full(len(px), -errors.depth_delay_s))
+        _, at_stamp = camera.moved(depth_px, there, np.full(len(px), -delay_s))
         by_error = camera.by_error(px_at_stamp, at_stamp, np.nan_to_num(planes[:, 1:]))
         at_stamp[np.isnan(found)] = np.nan
         points = camera.intrinsics.unproject(px_at_stamp, 1 / at_stamp)
@@ -163,11 +173,16 @@ class MovingSensor:
         config: RegistrationConfig,
     ) -> "MovingSensor":
         """As poses (N, 4, 4) of all frames tell the motion; ``cameras``: one a capture."""
-        captures = odometry.frames.capture.tolist()
+        frames = odometry.frames
+        captures, twists = frames.capture.tolist(), velocities(T_world_camera, frames)
         intrinsics = [cameras[capture] for capture in captures]
-        twists = velocities(T_world_camera, odometry.frames)
-        moving = map(MovingCamera, intrinsics, twists, captures)
+        moving = map(MovingCamera, intrinsics, twists, captures, frames.uneven_s.tolist())
         return cls(odometry.keyframes, list(moving), depth_of, config)
+
+    @property
+    def uneven_captures(self) -> list[int]:
+        """Those whose depth's stamps vary against colour's."""
+        return sorted({camera.capture for camera in self.cameras if camera.uneven_s})
 
     def with_features(self, chosen: Sequence[NDArray[np.intp]]) -> "MovingSensor":
         """With some of the features of each keyframe."""
@@ -190,6 +205,12 @@ class MovingSensor:
             parts = list(pool.map(of_view, range(len(self.keyframes))))
         columns = zip(*(vars(part).values() for part in parts), strict=True)
         return Readings(*(np.concatenate(column) for column in columns))
+
+
+def depth_delays(errors: Sequence[SensorErrors], frames: FrameTable) -> Array:
+    """How long after colour each frame's depth is measured (N,), by its capture's errors."""
+    constant, share = np.array([(e.depth_delay_s, e.depth_stamp_share) for e in errors]).T
+    return np.asarray(constant[frames.capture] + share[frames.capture] * frames.uneven_s)
 
 
 def _filled(inverse: Array) -> Array:

@@ -29,7 +29,7 @@ from vnav.optimisation.pose_noise import pose_noise
 from vnav.optimisation.robust_graph import RobustGraph, robust_pose_graph
 from vnav.optimisation.second_look import SecondLook
 from vnav.optimisation.self_calibration import SensorCalibration
-from vnav.optimisation.sensor_errors import DepthOf
+from vnav.optimisation.sensor_errors import DepthOf, depth_delays
 
 
 @dataclass(frozen=True)
@@ -83,7 +83,8 @@ def solve(
     progress("optimise", 2, 3)
     adjusted, poses = found.adjusted()
     kept = found.closures
-    surfaces = [] if look is None else _contradicting_surfaces(poses, adjusted, kept, look)
+    delays_s = depth_delays(adjusted.sensor.errors, odometry.frames)
+    surfaces = [] if look is None else _contradicting_surfaces(poses, delays_s, kept, look)
     if surfaces:
         most_sigmas = config.optimise.max_closure_sigmas
         graph = pose_graph.optimise(poses, found.edges, surfaces, most_sigmas)
@@ -181,10 +182,10 @@ def _joined(measured: Adjustment, closures: Sequence[Edge], look: SecondLook | N
 
 
 def _contradicting_surfaces(
-    poses: Array, adjusted: AdjustedBundle, closures: Sequence[Edge], look: SecondLook
+    poses: Array, delays_s: Array, closures: Sequence[Edge], look: SecondLook
 ) -> list[Edge]:
     """Edges by the surfaces of keyframes that no closure joins; none where these bear poses out."""
-    revisits = look.revisits(poses, adjusted.sensor.depth_delay_s)
+    revisits = look.revisits(poses, delays_s)
     if not revisits.contradict:
         return []
     return look.surface_edges(revisits, {(e.i, e.j) for e in closures})

@@ -123,7 +123,7 @@ def sensor_lines(sensor: SensorCalibration) -> list[str]:
 
 
 def _lines_of(errors: SensorErrors, sigmas: Array) -> list[str]:
-    (_, depth_sigma_s, line_sigma_s), lines = sigmas, []
+    (_, depth_sigma_s, line_sigma_s, _), lines = sigmas, []
     if errors.depth_offset:
         how = "short" if errors.depth_offset > 0 else "long"
         off_mm = 1000 * abs(errors.depth_offset) * 4**2
@@ -134,6 +134,8 @@ def _lines_of(errors: SensorErrors, sigmas: Array) -> list[str]:
         lines.append(
             f"depth is measured {delay_ms:.1f} ms (+- {1000 * depth_sigma_s:.1f}) {how} colour"
         )
+    if errors.depth_stamp_share:
+        lines.append("stamps of depth vary against colour's, and images bear them out")
     if errors.line_delay_s:
         delay_us = 1e6 * errors.line_delay_s
         lines.append(f"rolling shutter: {delay_us:.1f} us (+- {1e6 * line_sigma_s:.1f}) a row")

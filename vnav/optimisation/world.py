@@ -8,6 +8,7 @@ from vnav.core import se3
 from vnav.core.arrays import Array
 from vnav.core.mapping import Odometry, OptimisedMap, World
 from vnav.optimisation.floor import AUTO, SIDES, find_floor, up_in_camera
+from vnav.optimisation.sensor_errors import depth_delays
 from vnav.optimisation.solution import Solution
 from vnav.optimisation.surface import Surface
 
@@ -49,7 +50,7 @@ def place_in_world(
         solution.adjusted.covariance,
         dataclasses.replace(landmarks, points_world=points),
         dataclasses.replace(world, up_in_images=side),
-        solution.adjusted.sensor.depth_delay_s,
+        depth_delays(solution.adjusted.sensor.errors, odometry.frames),
     )
 
 

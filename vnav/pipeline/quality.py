@@ -68,10 +68,10 @@ class Quality:
 
 def assess(folder: MapFolder, config: Config) -> Quality:
     """The verdict on a finished map, by its revisits, loops, steps, motions and cameras."""
-    odometry, poses = load_odometry(folder), load_optimised(folder).T_world_camera
+    odometry, solved = load_odometry(folder), load_optimised(folder)
+    poses, delay_s = solved.T_world_camera, solved.depth_delay_s
     rows, registration = odometry.keyframe_rows, config.registration
     optimised, cameras = folder.report("optimise").get("values", {}), map_cameras(folder)
-    errors = _sensor_errors(optimised, len(cameras))
     sensor = _sensor(folder, odometry, poses, cameras, config)
 
     @cache
@@ -79,11 +79,10 @@ def assess(folder: MapFolder, config: Config) -> Quality:
         frame = load_keyframe(folder, row, odometry.frames)
         return reduced(frame).moving(sensor.cameras[row].twist)
 
-    delay_s = np.array([e.depth_delay_s for e in errors])
     revisits = find_revisits(odometry, poses, delay_s, cameras, seen, config)
     loops, rejected = _loops(folder)
     posed = int(np.isfinite(poses[:, 0, 0]).sum())
-    against = _against(rejected, poses, seen, sensor, errors)
+    against = _against(rejected, poses, seen, sensor, _sensor_errors(optimised, len(cameras)))
     unborne = unborne_steps(rows, odometry.motions, poses, seen, registration)
     unsure, wrong = unsure_rows(odometry), _wrong_fits(optimised)
     told = (

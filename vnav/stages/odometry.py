@@ -110,15 +110,19 @@ def track(
         if config.capture.flatten == "auto":
             capture, light = flattened(capture, pool, progress)
         written, description = [], _description(config, given is not None)
+        depth_after_s = np.zeros(len(frames))
         for row, seen in _frames(capture, description, pool, stale or {}):
             progress("odometry", row, len(frames))
             if isinstance(seen, str):
                 builder.skip(row, seen)
-            elif builder.add(seen.features, seen.frame, seen.image) or keeps_all:
+                continue
+            depth_after_s[row] = seen.frame.depth_after_s
+            if builder.add(seen.features, seen.frame, seen.image) or keeps_all:
                 written.append(pool.submit(save_keyframe, draft, row, seen.frame))
         for keyframe in written:
             keyframe.result()
     progress("odometry", len(frames), len(frames))
+    frames = dataclasses.replace(frames, depth_after_s=depth_after_s)
     odometry = dataclasses.replace(builder.result(frames), light=light)
     for row, moving in builder.moving.items():
         save_keyframe_mask(draft, row, moving)

@@ -44,6 +44,14 @@ def test_images_are_not_copied() -> None:
     assert np.shares_memory(frames(COLOR, DEPTH_M, CAMERA).read(1).color, COLOR)
 
 
+def test_depth_may_have_times_of_its_own() -> None:
+    stamps_s = {"stamps_s": [0.0, 1.0, 2.0], "depth_stamps_s": [0.01, 1.0, 1.98]}
+    capture = frames(COLOR, DEPTH, CAMERA, **stamps_s)
+    found = [capture.read(k).depth_after_s for k in range(N)]
+    np.testing.assert_allclose(found, [0.01, 0.0, -0.02], atol=1e-12)
+    assert capture.fingerprint() != frames(COLOR, DEPTH, CAMERA, [0.0, 1.0, 2.0]).fingerprint()
+
+
 def test_frames_without_times_are_a_thirtieth_of_a_second_apart() -> None:
     np.testing.assert_allclose(frames(COLOR, DEPTH, CAMERA).stamps_s, np.arange(N) / 30)
 
@@ -100,6 +108,7 @@ def spoilt(values: np.ndarray, k: int, value: float) -> np.ndarray:
         ({"stamps_s": [0.0, 2.0, 1.0]}, CaptureError, "found 1.0 at frame 2"),
         ({"stamps_s": [0.0, 1.0, 1.0]}, CaptureError, "that increase, found 1.0 at frame 2"),
         ({"stamps_s": [0.0, np.nan, 1.0]}, CaptureError, "found nan at frame 1"),
+        ({"depth_stamps_s": [0.0, 2.0, 1.0]}, CaptureError, "found 1.0 at frame 2"),
         ({"poses": POSES[:2]}, TrajectoryError, "expected poses of shape (3, 4, 4)"),
         ({"poses": 2 * POSES}, TrajectoryError, "a rotation and a translation as pose of frame 0"),
     ],

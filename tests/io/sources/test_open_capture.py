@@ -82,6 +82,12 @@ def test_a_tum_folder_needs_no_association_file(tmp_path: Path) -> None:
     assert [image.stamp_s for image in frames.dropped_depth] == [9.00]
 
 
+def test_a_frame_tells_how_much_later_its_depth_is_stamped(tmp_path: Path) -> None:
+    root = write_tum(tmp_path, ["1.00", "1.03"], ["1.01", "1.018"])
+    capture = open_capture(root, CONFIG)
+    assert [capture.read(k).depth_after_s for k in (0, 1)] == pytest.approx([0.01, -0.012])
+
+
 def test_the_largest_time_between_colour_and_depth_is_a_setting(tmp_path: Path) -> None:
     root = write_tum(tmp_path, ["1.00"], ["1.10"])
     with pytest.raises(CaptureError, match=r"less than 0.02 s apart .*capture.association_s"):

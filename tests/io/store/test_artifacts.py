@@ -73,7 +73,12 @@ def odometry(keyframes: int = 2, edge_count: int = 2) -> Odometry:
     poses = se3.exp(RNG.standard_normal((4, 6)))
     poses[2] = np.nan
     return Odometry(
-        FrameTable(np.array([0, 0, 0, 1]), np.array([0, 1, 2, 0]), np.array([1.0, 1.1, 1.2, 1.0])),
+        FrameTable(
+            np.array([0, 0, 0, 1]),
+            np.array([0, 1, 2, 0]),
+            np.array([1.0, 1.1, 1.2, 1.0]),
+            np.array([0.0, 0.01, 0.02, 0.0]),
+        ),
         poses,
         np.array([0, 0, LOST, 1], np.int32),
         ("", "", "expected an image in 'rgb/2.png', found none", ""),
@@ -159,7 +164,9 @@ def test_the_optimised_map_is_loaded_as_it_was_saved(folder: MapFolder, world: W
     landmarks = Landmarks(RNG.random((3, 3)), RNG.random(3), [0, 0, 2], [0, 1, 1], [4, 2, 0])
     saved(folder, "odometry", lambda draft: artifacts.save_odometry(draft, odometry()))
     poses = se3.exp(RNG.standard_normal((4, 6)))
-    result = OptimisedMap(poses, RNG.random((2, 6, 6)), landmarks, world, np.array([0.02, 0.0]))
+    result = OptimisedMap(
+        poses, RNG.random((2, 6, 6)), landmarks, world, np.array([0.02, 0.01, 0.02, 0.0])
+    )
     saved(folder, "optimise", lambda draft: artifacts.save_optimised(draft, result))
     assert_same(result, artifacts.load_optimised(folder))
 

@@ -27,13 +27,14 @@ _ROUNDED = 1e-3  # how far a rotation may be from orthonormal
 
 @dataclass(frozen=True)
 class ArrayCapture:
-    """What `frames` makes; ``cameras``: one a frame."""
+    """What `frames` makes; ``cameras``: one a frame, as ``depth_stamps_s`` (N,)."""
 
     name: str
     stamps_s: Array
     color: Images
     depth: Images | None
     cameras: tuple[Camera, ...]
+    depth_stamps_s: Array
     poses: Trajectory | None = None
 
     @property
@@ -57,14 +58,17 @@ class ArrayCapture:
         depth_m = no_depth(*color.shape[:2])
         if self.depth is not None:
             depth_m = lens.depth_m(_stored(self.depth[index]))
-        return Frame(0, index, float(self.stamps_s[index]), color, depth_m, rectified(camera))
+        stamp_s, depth_stamp_s = float(self.stamps_s[index]), float(self.depth_stamps_s[index])
+        shown = color, depth_m, rectified(camera)
+        return Frame(0, index, stamp_s, *shown, depth_after_s=depth_stamp_s - stamp_s)
 
     def fingerprint(self) -> str:
         """A hash of the times, the images and the cameras."""
         with ThreadPoolExecutor() as pool:
             images = list(pool.map(self._digest, range(len(self))))
         cameras = [asdict(camera) for camera in self.cameras]
-        text = json.dumps([self.stamps_s.tolist(), cameras, images], sort_keys=True)
+        stamps_s = [self.stamps_s.tolist(), self.depth_stamps_s.tolist()]
+        text = json.dumps([stamps_s, cameras, images], sort_keys=True)
         return hashlib.sha256(text.encode()).hexdigest()
 
     def _digest(self, index: int) -> str:
@@ -80,6 +84,7 @@ def frames(
     camera: Camera | Sequence[Camera],
     stamps_s: ArrayLike | None = None,
     *,
+    depth_stamps_s: ArrayLike | None = None,
     name: str = "frames",
     poses: ArrayLike | None = None,
 ) -> ArrayCapture:
@@ -96,6 +101,8 @@ def frames(
         That of all frames, or one a frame; the map is made for the first.
     stamps_s
         (N,) ascending; 1/30 s apart where not given.
+    depth_stamps_s
+        (N,) ascending, where depth has times of its own; those of colour where not given.
     poses
         (N, 4, 4) camera to world where they are known, NaN where not.
 
@@ -108,7 +115,9 @@ def frames(
         _require_color(k, np.asarray(color[k]), cameras[k])
     if depth is not None:
         cameras = _with_depth(cameras, depth)
-    return ArrayCapture(name, times_s, color, depth, cameras, _trajectory(times_s, poses))
+    depth_s = times_s if depth_stamps_s is None else _times_s(depth_stamps_s, count)
+    known = _trajectory(times_s, poses)
+    return ArrayCapture(name, times_s, color, depth, cameras, depth_s, known)
 
 
 def _stored(depth: NDArray[Any]) -> StoredDepth:

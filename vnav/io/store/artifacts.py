@@ -71,6 +71,7 @@ def save_odometry(draft: Path, odometry: Odometry) -> None:
         capture=frames.capture,
         index=frames.index,
         stamp_s=frames.stamp_s,
+        depth_after_s=frames.depth_after_s,
         T_segment_camera=odometry.T_segment_camera,
         segment=odometry.segment,
         given=np.array(odometry.given),
@@ -112,7 +113,7 @@ def load_odometry(folder: MapFolder, *, any_scale: bool = False) -> Odometry:
         )
     lost, rows = _load_json(folder, "odometry", "lost", dict[str, str]), len(frames["index"])
     return Odometry(
-        FrameTable(frames["capture"], frames["index"], frames["stamp_s"]),
+        _frame_table(frames),
         frames["T_segment_camera"],
         frames["segment"],
         tuple(lost.get(str(row), "") for row in range(len(frames["index"]))),
@@ -130,8 +131,12 @@ def load_odometry(folder: MapFolder, *, any_scale: bool = False) -> Odometry:
 
 def load_frame_table(folder: MapFolder) -> FrameTable:
     """Every frame of the map's captures."""
-    frames = _load(folder, "odometry", "frames")
-    return FrameTable(frames["capture"], frames["index"], frames["stamp_s"])
+    return _frame_table(_load(folder, "odometry", "frames"))
+
+
+def _frame_table(frames: Arrays) -> FrameTable:
+    names = [field.name for field in dataclasses.fields(FrameTable)]
+    return FrameTable(*(frames[name] for name in names))
 
 
 def load_descriptor_space(folder: MapFolder) -> DescriptorSpace:

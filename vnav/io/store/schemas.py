@@ -140,6 +140,7 @@ SCHEMAS = {
             "capture": Column("whole", ("N",), 0),
             "index": Column("whole", ("N",), 0),
             "stamp_s": Column("real", ("N",)),
+            "depth_after_s": Column("real", ("N",)),
             "T_segment_camera": Column("real", ("N", 4, 4), gaps=True),
             "segment": Column("whole", ("N",), -1, "N"),
             "given": Column("flag", ()),
@@ -191,7 +192,7 @@ SCHEMAS = {
         {
             "T_world_camera": Column("real", ("N", 4, 4), gaps=True),
             "keyframe_covariance": Column("real", ("K", 6, 6), gaps=True),
-            "depth_delay_s": Column("real", (None,)),
+            "depth_delay_s": Column("real", ("N",)),
             "points_world": Column("real", ("L", 3)),
             "sigma_m": Column("real", ("L",), 0, gaps=True),
             "landmark": Column("whole", ("M",), 0, "L"),
