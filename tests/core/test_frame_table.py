@@ -24,10 +24,10 @@ def test_a_span_ends_where_the_reason_or_the_capture_changes() -> None:
 
 
 def test_depth_is_uneven_by_what_its_stamps_are_off_their_captures_median() -> None:
-    after_s = np.array([0.01, 0.03, 0.02, 0.5, 0.5, 0.5004])
-    frames = replace(table(3, 3), depth_after_s=after_s)
-    # The second capture's stay within a millisecond.
-    np.testing.assert_allclose(frames.uneven_s, [-0.01, 0.01, 0, 0, 0, 0], atol=1e-12)
+    after_s = np.array([0.01, 0.03, 0.02, np.nan, 0.5, 0.5, 0.5004, np.nan])
+    frames = replace(table(4, 3, 1), depth_after_s=after_s)
+    # The second capture's stay within a millisecond; of the third, and one frame, none is known.
+    np.testing.assert_allclose(frames.uneven_s, [-0.01, 0.01, 0, 0, 0, 0, 0, 0], atol=1e-12)
     assert not table(3, 3).uneven_s.any()
 
 

@@ -235,6 +235,8 @@ def test_a_damaged_frame_is_skipped_and_told_as_the_reader_tells_it(
     assert result.segment.tolist() == [LOST, 0, 0, 0, 0, 0]
     assert result.reasons[0] == "expected a whole image in rgb/0.png, found a truncated file"
     assert result.keyframes[0].row == 1
+    assert np.isnan(result.frames.depth_after_s).tolist() == [True, *[False] * 5]
+    assert not result.frames.uneven_s.any()  # the others' depth is as late as each other's
 
 
 def test_two_walks_that_share_no_view_are_two_segments(

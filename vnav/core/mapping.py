@@ -25,7 +25,8 @@ class FrameTable:
     """Every frame of the map's captures, in order; a row of it is how a frame is named inside.
 
     ``capture`` (N,), ``index`` (N,) int32: the frame's key; ``stamp_s`` (N,) float64;
-    ``depth_after_s`` (N,) float64: how much later depth's stamp is, by default not at all.
+    ``depth_after_s`` (N,) float64: how much later depth's stamp is, NaN where the frame
+    cannot be read; by default not at all.
     """
 
     capture: NDArray[np.int32]
@@ -48,15 +49,16 @@ class FrameTable:
     def uneven_s(self) -> NDArray[np.float64]:
         """How much later than its capture's median each frame's depth is stamped (N,).
 
-        0 in a capture where that stays within `EVEN_S`.
+        0 where it is not known, and in a capture where that stays within `EVEN_S`.
         """
-        after_s = np.array(self.depth_after_s)
+        uneven_s = np.zeros(len(self))
         for capture in np.unique(self.capture):
-            rows = self.capture == capture
-            after_s[rows] -= np.median(after_s[rows])
-            if np.abs(after_s[rows]).max() < EVEN_S:
-                after_s[rows] = 0
-        return after_s
+            rows = (self.capture == capture) & np.isfinite(self.depth_after_s)
+            varies_s = self.depth_after_s[rows]
+            varies_s = varies_s - np.median(varies_s) if len(varies_s) else varies_s
+            if np.abs(varies_s).max(initial=0) >= EVEN_S:
+                uneven_s[rows] = varies_s
+        return uneven_s
 
     def lost_spans(self, reasons: Sequence[str]) -> list["Span"]:
         """Runs of neighbouring frames of one capture lost for one reason, empty where not lost."""

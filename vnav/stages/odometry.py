@@ -110,7 +110,7 @@ def track(
         if config.capture.flatten == "auto":
             capture, light = flattened(capture, pool, progress)
         written, description = [], _description(config, given is not None)
-        depth_after_s = np.zeros(len(frames))
+        depth_after_s = np.full(len(frames), np.nan)
         for row, seen in _frames(capture, description, pool, stale or {}):
             progress("odometry", row, len(frames))
             if isinstance(seen, str):

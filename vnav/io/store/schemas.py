@@ -140,7 +140,7 @@ SCHEMAS = {
             "capture": Column("whole", ("N",), 0),
             "index": Column("whole", ("N",), 0),
             "stamp_s": Column("real", ("N",)),
-            "depth_after_s": Column("real", ("N",)),
+            "depth_after_s": Column("real", ("N",), gaps=True),
             "T_segment_camera": Column("real", ("N", 4, 4), gaps=True),
             "segment": Column("whole", ("N",), -1, "N"),
             "given": Column("flag", ()),
