@@ -432,3 +432,9 @@ def test_the_summary_tells_what_is_wrong_with_the_sensor() -> None:
     assert depth.startswith("depth is measured 12.3 ms (+- 0.3) before colour")
     assert shutter.startswith("rolling shutter: 52.0 us (+- 2.0) a row")
     assert not sensor_lines(UNKNOWN)
+
+
+def test_the_summary_names_the_capture_whose_sensor_is_wrong() -> None:
+    errors = SensorErrors(), SensorErrors(depth_stamp_share=1.0)
+    (line,) = sensor_lines(SensorCalibration(errors, np.full((2, 4), np.inf)))
+    assert line.startswith("capture 1: stamps of depth vary")

@@ -45,6 +45,11 @@ class SensorCalibration:
         return cls((SensorErrors(),) * captures, np.full((captures, 4), np.inf))
 
     @property
+    def values(self) -> Array:
+        """The errors (C, 4)."""
+        return np.array([e.vector for e in self.errors])
+
+    @property
     def delayed(self) -> bool:
         """Whether anything is seen later than stamped."""
         return any(e.delayed for e in self.errors)
@@ -74,7 +79,7 @@ def calibrated(
     with distortion correction". A rolling shutter skews what a turning camera sees: Hedborg et al.
     2012, "Rolling shutter bundle adjustment". Late depth is of another view than colour's.
     """
-    start = np.array([e.vector for e in known.errors])
+    start = known.values
     long, of_long = of_long_tracks(tracks, selection)
     free, uneven = start != 0, tracks.uneven_captures
     free[:, 3] = False
@@ -107,7 +112,7 @@ def _sure(
         measured = tracks if moving else tracks.at_rest()
         found, adjusted = _converged(bundle, measured, selection, start, free, passes)
         sigmas = np.where(free, found.sigmas, sigmas)
-        size = np.abs([e.vector for e in found.errors])
+        size = np.abs(found.values)
         beyond, unsure = free & (size >= LARGEST), free & (size < SURE_SIGMAS * sigmas)
         if beyond.any():  # it ended early: other captures' errors may be larger than they were then
             unsure &= beyond.any(1, keepdims=True)
@@ -126,12 +131,11 @@ def _wrong_stamps(
     """Of captures with uneven stamps of depth, those in which images show less than half of it."""
     if not len(uneven):
         return uneven
-    errors = np.array([e.vector for e in found.errors])
-    share = np.zeros(errors.shape, bool)
+    share = np.zeros(found.values.shape, bool)
     share[uneven, 3] = True
-    asked, _ = _converged(bundle, tracks, selection, errors, share, (*FIRST_PASSES, 1.0))
-    shares = np.array([e.depth_stamp_share for e in asked.errors])
-    return uneven[shares[uneven] < RIGHT_SHARE]
+    asked, _ = _converged(bundle, tracks, selection, found.values, share, (*FIRST_PASSES, 1.0))
+    wrong: NDArray[np.intp] = uneven[asked.values[uneven, 3] < RIGHT_SHARE]
+    return wrong
 
 
 def _converged(

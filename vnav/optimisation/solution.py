@@ -151,9 +151,10 @@ class _Joined:
         """Odometry and closures as a sensor without the delays found would have measured them."""
         poses = self._following(self.keyframes.T_world_camera, self.edges)
         poses = self._following(self.keyframes.T_world_camera, self._freed(self.edges, poses))
-        odometry = with_edges(measured.odometry, self._freed(measured.odometry.edges, poses))
-        freed = self._freed(closures, poses)
-        return replace(measured, odometry=odometry, known=self.sensor), freed
+        edges = measured.odometry.edges
+        freed = self._freed([*edges, *closures], poses)
+        odometry = with_edges(measured.odometry, freed[: len(edges)])
+        return replace(measured, odometry=odometry, known=self.sensor), freed[len(edges) :]
 
     def with_surfaces(self, poses: Array, surfaces: Sequence[Edge]) -> "_Joined":
         """The same from poses (N, 4, 4), with further edges between keyframes."""

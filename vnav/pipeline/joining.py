@@ -134,7 +134,7 @@ def _behind(old: Odometry, new: Odometry) -> Odometry:
             np.concatenate([old.frames.capture, new.frames.capture + captures]),
             np.concatenate([old.frames.index, new.frames.index]),
             np.concatenate([old.frames.stamp_s, new.frames.stamp_s]),
-            np.append(old.frames.depth_after_s, new.frames.depth_after_s),
+            np.concatenate([old.frames.depth_after_s, new.frames.depth_after_s]),
         ),
         np.concatenate([old.T_segment_camera, new.T_segment_camera]),
         np.append(old.segment, np.where(new.segment == LOST, LOST, new.segment + segments)),

@@ -61,15 +61,14 @@ class FolderCapture:
         lens, color = rectifier(camera), self._color(pair.color)
         _require_size(pair.color.path, color, camera.color.size, "color")
         color = lens.color(color)
-        depth_m, depth_after_s = no_depth(*color.shape[:2]), 0.0
+        depth_m = no_depth(*color.shape[:2])
         if pair.depth is not None:
             raw, sensor = self._depth(pair.depth), camera.depth or camera.color
             raw = _believed(raw, pair.depth, pair.confidence)
             _require_size(pair.depth.path, raw, sensor.size, "depth")
             depth_m = lens.depth_m(raw)
-            depth_after_s = pair.depth.stamp_s - pair.color.stamp_s
-        stamp_s, intrinsics = pair.color.stamp_s, rectified(camera)
-        return Frame(0, index, stamp_s, color, depth_m, intrinsics, None, depth_after_s)
+        shown = color, depth_m, rectified(camera)
+        return Frame(0, index, pair.color.stamp_s, *shown, depth_after_s=pair.offset_s)
 
     def _color(self, image: ImageFile) -> NDArray[np.uint8]:
         if image.video_frame is None:

@@ -39,6 +39,11 @@ class FramePair:
         """Those there are."""
         return tuple(each for each in (self.color, self.depth, self.confidence) if each)
 
+    @property
+    def offset_s(self) -> float:
+        """How much later depth was taken than colour; 0 without."""
+        return self.depth.stamp_s - self.color.stamp_s if self.depth else 0.0
+
 
 @dataclass(frozen=True)
 class FrameList:
@@ -78,8 +83,7 @@ class FrameList:
     @property
     def offsets_s(self) -> NDArray[np.float64]:
         """How much later (N,) each depth image was taken than its colour image; (0,) without."""
-        depths = [(pair.color.stamp_s, pair.depth) for pair in self.pairs]
-        return np.array([depth.stamp_s - stamp_s for stamp_s, depth in depths if depth])
+        return np.array([pair.offset_s for pair in self.pairs if pair.depth])
 
 
 def paired(

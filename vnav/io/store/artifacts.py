@@ -68,10 +68,7 @@ def save_odometry(draft: Path, odometry: Odometry) -> None:
     frames, before = odometry.frames, odometry.T_world_before
     save_arrays(
         draft / "frames.npz",
-        capture=frames.capture,
-        index=frames.index,
-        stamp_s=frames.stamp_s,
-        depth_after_s=frames.depth_after_s,
+        **vars(frames),
         T_segment_camera=odometry.T_segment_camera,
         segment=odometry.segment,
         given=np.array(odometry.given),
