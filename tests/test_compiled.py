@@ -118,6 +118,24 @@ def test_machine_code_is_not_older_than_what_is_in_it_from_other_files(tmp_path:
     assert printed == ["111", "121", "321", "321"]
 
 
+def test_copies_of_a_file_share_their_machine_code(tmp_path: Path) -> None:
+    said = []
+    for copy in ("checkout", "installed"):
+        (tmp_path / copy).mkdir()
+        (tmp_path / copy / "loops.py").write_text(LOOPS)
+        done = subprocess.run(
+            [sys.executable, "-c", PROGRAM],
+            cwd=tmp_path / copy,
+            env=os.environ | {"NUMBA_CACHE_DIR": str(tmp_path / "cache")},
+            text=True,
+            capture_output=True,
+            check=True,
+        )
+        said.append(done.stderr)
+    assert "compiling, once" in said[0]
+    assert said[1] == ""
+
+
 def test_a_division_by_zero_is_infinite_not_an_error() -> None:
     @compiled
     def inverse(x: float) -> float:

@@ -4,7 +4,8 @@ import hashlib
 import logging
 import os
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from functools import cache
 from pathlib import Path
 from typing import Any, TypeVar
@@ -14,6 +15,7 @@ os.environ.setdefault("NUMBA_DISABLE_ERROR_MESSAGE_HIGHLIGHTING", "1")
 
 import numba
 from numba.core import event
+from numba.core.caching import UserProvidedCacheLocator
 from numba.core.dispatcher import Dispatcher
 
 from vnav.caches import code_cache
@@ -25,35 +27,54 @@ Function = TypeVar("Function", bound=Callable[..., Any])
 def compiled(function: Function) -> Function:
     """The function as machine code that runs beside others; a division by zero gives inf or NaN.
 
-    numba looks whether the function's own file has changed. What it takes from other files becomes
-    machine code of its own, so the folder is named by that.
+    It is kept in a folder named by what it is made of, so every copy of this code shares it.
     """
     kept = code_cache()
-    folder = "" if kept is None else str(kept / _foreign(function.__module__))
-    elsewhere, numba.config.CACHE_DIR = numba.config.CACHE_DIR, folder
-    try:
+    with _numba_keeps_in(kept and kept / _made_of(function.__module__)):
         machine_code: Function = numba.njit(
             function, cache=kept is not None, nogil=True, error_model="numpy"
         )
-    finally:
-        numba.config.CACHE_DIR = elsewhere
     return machine_code
 
 
-@cache
-def _foreign(module: str) -> str:
-    """A hash of what a module's compiled functions have from others: their files, and constants.
+class InOneFolder(UserProvidedCacheLocator):  # type: ignore[misc]
+    """Tells numba to keep code in the folder that it is given, wherever the function's file is."""
 
-    Both stand above the module's first compiled function.
+    @classmethod
+    def get_suitable_cache_subpath(cls, py_file: str) -> str:
+        """Numba's own puts a hash of the file's folder here."""
+        return Path(py_file).stem
+
+    def get_source_stamp(self) -> str:
+        """The folder's name says it."""
+        return ""
+
+
+@contextmanager
+def _numba_keeps_in(folder: Path | None) -> Iterator[None]:
+    """Numba's settings of where code is kept, as they were when the block ends."""
+    config = numba.config
+    before = config.CACHE_DIR, config.CACHE_LOCATOR_CLASSES
+    config.CACHE_DIR = str(folder or "")
+    config.CACHE_LOCATOR_CLASSES = f"{InOneFolder.__module__}.{InOneFolder.__name__}"
+    try:
+        yield
+    finally:
+        config.CACHE_DIR, config.CACHE_LOCATOR_CLASSES = before
+
+
+@cache
+def _made_of(module: str) -> str:
+    """A hash of a module's file, its constants, and the modules its functions take others from.
+
+    Constants and imports stand above the module's first compiled function.
     """
     values = vars(sys.modules[module])
     constants = {name: v for name, v in values.items() if isinstance(v, bool | int | float | tuple)}
     others = {v.py_func.__module__ for v in values.values() if isinstance(v, Dispatcher)}
-    told = [repr(sorted(constants.items()))]
-    for other in sorted(others - {module}):
-        file = Path(sys.modules[other].__file__ or "").stat()
-        told.append(f"{other} {file.st_size} {file.st_mtime_ns} {_foreign(other)}")
-    return hashlib.sha256("\n".join(told).encode()).hexdigest()[:16]
+    told = [repr(sorted(constants.items())), *map(_made_of, sorted(others - {module}))]
+    source = Path(sys.modules[module].__file__ or "").read_bytes()
+    return hashlib.sha256(source + "\n".join(told).encode()).hexdigest()[:16]
 
 
 def self_test() -> None:
