@@ -1,6 +1,7 @@
 # A bare machine needs python3 (3.11 or newer), python3-venv, make and git; the rest is set up here.
 #   make demo        make a capture, map it, find a photo in it, plan a path
-#   make test        set-up, the checks of `make check`, all tests that need no capture
+#   make test        set-up, the checks of `make check`, the tests that need no capture
+#   make test-slow   those of whole chains and large scenes; .ci/run runs both
 #   make check       doctor, lint, format, types
 #   make test-lower-bounds   the tests with the oldest versions that pyproject.toml allows
 #   make lock        constraints.txt anew: the newest versions that it allows
@@ -29,7 +30,7 @@ SOURCES := find vnav cli configs datasets -type f ! -name '*.pyc'
 # Bytecode is kept, whatever the environment says: tests start hundreds of processes.
 export PYTHONDONTWRITEBYTECODE :=
 
-.PHONY: setup demo pictures docs test test-lower-bounds check lock bench bench-real attack attack-long results clean python system links
+.PHONY: setup demo pictures docs test test-slow test-lower-bounds check lock bench bench-real attack attack-long results clean python system links
 
 setup: python system links
 
@@ -43,7 +44,10 @@ docs: setup
 	$(BIN)/python docs/make_site.py
 
 test: check
-	$(BIN)/pytest -m "not real" -n auto --dist loadfile
+	$(BIN)/pytest -m "not real and not slow" -n auto --dist loadfile
+
+test-slow: setup
+	$(BIN)/pytest -m "slow and not real" -n auto --dist loadfile
 
 test-lower-bounds:
 	@mkdir -p build

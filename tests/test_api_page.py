@@ -8,6 +8,8 @@ import pytest
 
 from tests.io.recordings.bags import recorded, write_ros1
 
+pytestmark = pytest.mark.slow
+
 PAGE = Path(__file__).parent.parent / "docs" / "api.md"
 
 

@@ -33,6 +33,7 @@ def commands(document: Path) -> list[str]:
     return [line[2:] for block in blocks for line in block.splitlines() if line.startswith("$ ")]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "document", [d for d in DOCUMENTS if commands(d)], ids=lambda document: document.name
 )

@@ -13,6 +13,8 @@ from vnav.synthetic.aisles import LENGTH_M, PERIODS_M, TILE_M, WIDTH_M, period_o
 from vnav.synthetic.path import frames_at, look
 from vnav.synthetic.rendered_capture import camera_poses
 
+pytestmark = pytest.mark.slow
+
 CAMERA = MINIATURE.camera
 COARSE = CAMERA.scaled(80, 60)
 NARROW = Intrinsics(160, 120, 700.0, 700.0, 79.5, 59.5)  # sees 0.3 x 0.2 m of a shelf

@@ -10,6 +10,8 @@ import vnav
 from vnav.api.building import run_stage
 from vnav.config import FeaturesConfig
 
+pytestmark = pytest.mark.slow
+
 PICTURES = {"trajectory.png", "grid.png", "cloud.png"}
 SAME = vnav.Config(features=FeaturesConfig(max_features=700))  # as the fixture's map was made
 

@@ -11,6 +11,8 @@ from vnav.cli.main import cli
 from vnav.io.store.map_folder import MapFolder
 from vnav.io.store.map_lock import only_writer
 
+pytestmark = pytest.mark.slow
+
 SAME = ("--set", "features.max_features=700")  # as whole_map was made
 
 

@@ -19,6 +19,8 @@ from vnav.cli.main import cli
 from vnav.errors import ConfigError, VnavError
 from vnav.io.formats.trajectories import read_tum
 
+pytestmark = pytest.mark.slow
+
 FRAMES = 16  # enough for a map; every eighth is held out of it
 SUITE = """
 [suite]

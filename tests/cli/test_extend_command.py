@@ -13,6 +13,8 @@ from vnav.cli.main import cli
 from vnav.errors import CaptureError, MapError
 from vnav.io.store.map_folder import MapFolder
 
+pytestmark = pytest.mark.slow
+
 HERE, THERE = slice(14, None, 2), slice(1, 9)  # lines of the lists of frames, below their heads
 
 

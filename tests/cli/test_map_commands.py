@@ -18,6 +18,8 @@ from vnav.io.formats.trajectories import read_tum
 from vnav.io.store.map_folder import MapFolder
 from vnav.io.store.records import MappedCapture
 
+pytestmark = pytest.mark.slow
+
 CAMERA = {"width": 64, "height": 48, "fx": 50.0, "fy": 50.0, "cx": 31.5, "cy": 23.5}
 
 

@@ -14,6 +14,8 @@ from vnav.core.frame import Features
 from vnav.features.sift import ROOT_SCALE, Sift
 from vnav.io.formats.trajectories import read_photo_poses
 
+pytestmark = pytest.mark.slow
+
 ATE_M = 0.02
 OFF_M = 0.10  # of a photo: corners known to a pixel or two of 320, seen from a few metres
 

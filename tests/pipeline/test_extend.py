@@ -24,6 +24,8 @@ from vnav.stages import fuse, index, loops, optimise, vocabulary
 from vnav.stages.locate import Locator
 from vnav.stages.odometry import SECTIONS
 
+pytestmark = pytest.mark.slow
+
 FRAMES, MORE = 60, 24
 
 

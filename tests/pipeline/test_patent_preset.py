@@ -12,6 +12,8 @@ from vnav.io.store.artifacts import kept_rows, load_odometry
 from vnav.io.store.map_folder import MapFolder
 from vnav.io.store.tree_file import load_tree
 
+pytestmark = pytest.mark.slow
+
 ATE_M = 0.02  # without bundle adjustment: as in the chain of the other front-ends
 OFF_M = 0.10
 

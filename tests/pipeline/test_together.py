@@ -34,6 +34,8 @@ from vnav.pipeline.extend import extend, made_with
 from vnav.pipeline.joining import TrackTask, in_turn, track_alone, track_together
 from vnav.stages.odometry import described
 
+pytestmark = pytest.mark.slow
+
 CONFIG = Config(
     features=FeaturesConfig(max_features=700),
     fuse=FuseConfig(voxel_m=0.05, octree_m=0.1, mesh_voxel_m=0.1),  # quick

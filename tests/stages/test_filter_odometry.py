@@ -16,6 +16,8 @@ from vnav.io.formats.ply import read_cloud
 from vnav.io.formats.trajectories import read_tum
 from vnav.io.store.overview import overview
 
+pytestmark = pytest.mark.slow
+
 QUICK = ("features.max_features=300",)
 
 

@@ -11,6 +11,8 @@ from vnav.core import se3
 from vnav.stages.odometry import track
 from vnav.tracking.pose_choice import UNSURE
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.mark.parametrize(
     ("scene", "seed", "rows"),

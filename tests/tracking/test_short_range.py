@@ -14,6 +14,8 @@ from vnav.overlays.overlay import without_overlay
 from vnav.stages.odometry import track
 from vnav.synthetic import Sensor
 
+pytestmark = pytest.mark.slow
+
 SHORT = Sensor(max_depth_m=1.8)  # a fifth of the pixels has depth
 
 
