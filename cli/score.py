@@ -49,12 +49,13 @@ def score(
     """Print ATE and RPE of the poses in TRAJECTORY against those in TRUTH.
 
     Both are TUM files, lines of 'stamp tx ty tz qx qy qz qw'. TRAJECTORY may also be a map's
-    folder, TRUTH a capture folder that comes with its truth. docs/scoring.md defines every figure.
+    folder: its final poses, or odometry's where there are no others. TRUTH may also be a capture
+    folder that comes with its truth. docs/scoring.md defines every figure.
 
     \b
     vnav score my-map my_capture
     vnav score my-map/optimise/trajectory_0.tum my_capture
-    vnav score mono/trajectory.tum truth.txt --align sim3 --json
+    vnav score my-odometry my_capture --align sim3 --json
     """
     from vnav.api.judging import score as measure
     from vnav.evaluation.score import table

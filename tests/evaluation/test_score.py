@@ -1,4 +1,5 @@
 import json
+import shutil
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +13,8 @@ from vnav.core.trajectory import Trajectory
 from vnav.errors import TrajectoryError
 from vnav.evaluation.score import score, table
 from vnav.io.formats.trajectories import write_tum
+from vnav.io.store.artifacts import load_odometry
+from vnav.io.store.map_folder import MapFolder
 
 
 def _circle(count: int = 100, start_s: float = 0.0) -> Trajectory:
@@ -113,6 +116,17 @@ def test_a_maps_folder_stands_for_its_poses(whole_map: Path, tiny_capture: Path)
     of_folder = vnav.score(whole_map, tiny_capture)
     of_file = vnav.score(whole_map / "optimise" / "trajectory_0.tum", tiny_capture)
     assert of_folder.as_dict() == of_file.as_dict()
+
+
+def test_a_map_with_odometry_alone_is_scored_by_it(
+    tiny_map: Path, tiny_capture: Path, tmp_path: Path
+) -> None:
+    alone = tmp_path / "odometry"
+    shutil.copytree(tiny_map, alone, ignore=shutil.ignore_patterns("vocabulary", "loops", "opti*"))
+    result = vnav.score(alone, tiny_capture)
+    tracked = load_odometry(MapFolder(tiny_map)).trajectory
+    assert result.as_dict() == vnav.score(tracked, tiny_capture).as_dict()
+    assert result.as_dict() != vnav.score(tiny_map, tiny_capture).as_dict()
 
 
 def test_of_a_map_of_two_captures_one_is_to_be_named(

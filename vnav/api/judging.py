@@ -25,6 +25,7 @@ from vnav.core.trajectory import Trajectory
 from vnav.errors import CaptureError, MapError
 from vnav.io.sources.open_capture import read_truth, truth_of
 from vnav.io.sources.record3d import is_recording
+from vnav.io.store.artifacts import load_odometry
 from vnav.io.store.map_folder import MapFolder
 
 if TYPE_CHECKING:
@@ -81,8 +82,9 @@ def score(
 ) -> "Score":
     """ATE and RPE of poses against the true ones, each a trajectory or a TUM file.
 
-    ``trajectory`` may also be the folder of a map of one capture. ``truth`` may also be a capture
-    folder that comes with its truth, ``camera`` that capture's.
+    ``trajectory`` may also be the folder of a map of one capture: its final poses, or odometry's
+    of the longest segment where there are none. ``truth`` may also be a capture folder that comes
+    with its truth, ``camera`` that capture's.
     Poses belong together whose times differ by less than ``max_difference_s``; RPE is taken over
     ``frames`` frames. ``align``: "se3", or "sim3" for a trajectory whose scale is not known.
     TrajectoryError where fewer than three do.
@@ -106,6 +108,8 @@ def _estimated(source: TrajectorySource) -> Trajectory:
             f"expected a map of one capture, found {folder.root}, of {count}; name the poses of"
             f" one: {folder.root / 'optimise'}/trajectory_0.tum to trajectory_{count - 1}.tum"
         )
+    if folder.has("odometry") and folder.recorded("optimise") is None:
+        return load_odometry(folder, any_scale=True).trajectory
     return Map(folder).trajectory()
 
 

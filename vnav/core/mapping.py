@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from vnav.core.arrays import Array, frozen
 from vnav.core.frame import Edge, Features
+from vnav.core.trajectory import Trajectory
 
 LOST = -1
 EVEN_S = 1e-3  # by which stamps of depth may vary against colour's, and count as even
@@ -184,6 +185,12 @@ class Odometry:
         """Rows (M,) of the frames of the segment that has most of them, the first of such."""
         tracked = self.segment[self.segment != LOST]
         return np.flatnonzero(self.segment == np.bincount(tracked).argmax())
+
+    @property
+    def trajectory(self) -> Trajectory:
+        """Poses of the frames of the longest segment."""
+        rows = self.longest_segment
+        return Trajectory(self.frames.stamp_s[rows], self.T_segment_camera[rows])
 
     @property
     def keyframe_rows(self) -> NDArray[np.intp]:

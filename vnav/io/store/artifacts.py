@@ -90,9 +90,8 @@ def save_odometry(draft: Path, odometry: Odometry) -> None:
 
 def _save_filtered(draft: Path, odometry: Odometry) -> None:
     """What a filter found, for people: nothing is made of it."""
-    rows, points = odometry.longest_segment, odometry.landmarks
-    trajectory = Trajectory(odometry.frames.stamp_s[rows], odometry.T_segment_camera[rows])
-    write_tum(draft / "trajectory.tum", trajectory)
+    points = odometry.landmarks
+    write_tum(draft / "trajectory.tum", odometry.trajectory)
     write_cloud(draft / "landmarks.ply", PointCloud(points, np.full(points.shape, 255, np.uint8)))
 
 
