@@ -14,9 +14,10 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from vnav.core import se3
 from vnav.core.arrays import Array, Floats
 from vnav.core.camera import Intrinsics
-from vnav.tracking.ekf.state import SPIN, FilterState
+from vnav.tracking.ekf.state import ROTATION, SPIN, VELOCITY, FilterState
 from vnav.tracking.ekf.update import joseph
 
 MIN_RESPONSE = 0.25  # of the phase correlation's peak
@@ -33,7 +34,8 @@ def turned(
 ) -> FilterState:
     """A predicted state, corrected by how one small image (h, w) lies on the next.
 
-    That measures the camera's angular velocity; where it is not clear, nothing does.
+    That measures the camera's angular velocity, once what it passes is taken off; where it is not
+    clear, nothing does.
     """
     turn = image_turn(before, after)
     per_px = camera.width / after.shape[1]
@@ -43,10 +45,24 @@ def turned(
     known = np.flatnonzero(np.isfinite(angles))
     if not len(known):
         return state
+    passing, passing_sigma = _passing(state)
     measured = SPIN.start + known
     HP = state.P[measured]
-    S = HP[:, measured] + np.diag((sigma[known] / step_s) ** 2)
-    return joseph(state, HP, S, angles[known] / step_s - state.x[measured])
+    S = HP[:, measured] + np.diag((sigma[known] / step_s) ** 2 + passing_sigma[known] ** 2)
+    spin = angles[known] / step_s - passing[known]
+    return joseph(state, HP, S, spin - state.x[measured])
+
+
+def _passing(state: FilterState) -> tuple[Array, Array]:
+    """How fast what is seen turns past a camera that moves, rad/s (3,), and the deviation of that.
+
+    It is as far as the median feature; without features it is far.
+    """
+    right, down, _ = se3.rotation_from_quat(state.x[ROTATION]).T  # the camera's axes in the world
+    near = max(0.0, float(np.median(state.features[:, 5]))) if len(state.features) else 0.0
+    by_velocity = near * np.stack([-down, right, np.zeros(3)])
+    covariance = by_velocity @ state.P[VELOCITY, VELOCITY] @ by_velocity.T
+    return by_velocity @ state.x[VELOCITY], np.sqrt(np.diag(covariance))
 
 
 def image_turn(before: Floats, after: Floats) -> Array:
