@@ -11,7 +11,6 @@ from vnav.core.frame import Frame, Rejected
 from vnav.registration.reduction import reduced
 from vnav.tracking.ekf.camera_filter import CameraFilter, FilterImage, Followed
 from vnav.tracking.ekf.image_turn import image_turn
-from vnav.tracking.ekf.state import POSITION
 
 STEP_M, STEP_S, STEPS = 0.02, 0.1, 12
 SCENE = (Plane(2.0, speckle(1)), Plane(1.0, speckle(2), (-0.4, -0.5), (0.2, 0.5)))
@@ -72,10 +71,7 @@ def test_what_moves_by_itself_is_left_out(walk: list[Frame]) -> None:
     frames = [view([*still, box.moved(0, -k * STEP_M)], k * STEP_M, seed=k) for k in range(9)]
     made, found = followed(frames, load("ekf"))
     assert all(isinstance(one, Followed) for one in found)
-    off_m = made.state.T_world_camera[:3, 3] - [8 * STEP_M, 0, 0]
-    sigma_m = np.sqrt(np.diag(made.state.P)[POSITION])
-    assert sigma_m.max() < STEP_M / 3  # the box rose by eight steps
-    assert (np.abs(off_m) < 3 * sigma_m).all()
+    assert made.state.T_world_camera[:3, 3] == pytest.approx([8 * STEP_M, 0, 0], abs=0.01)
 
 
 def test_the_state_and_the_draws_are_bounded(walk: list[Frame]) -> None:
