@@ -33,19 +33,21 @@ def half(x):
 """
 
 
+def run(program: str, folder: Path, cache: Path) -> "subprocess.CompletedProcess[str]":
+    """A program in a folder, whose machine code is kept in the cache."""
+    return subprocess.run(
+        [sys.executable, "-B", "-c", program],
+        cwd=folder,
+        env=os.environ | {"NUMBA_CACHE_DIR": str(cache)},
+        text=True,
+        capture_output=True,
+        check=True,
+    )
+
+
 def test_compiling_is_announced_once_and_not_again_from_the_cache(tmp_path: Path) -> None:
     (tmp_path / "loops.py").write_text(LOOPS)
-    said = [
-        subprocess.run(
-            [sys.executable, "-c", PROGRAM],
-            cwd=tmp_path,
-            env=os.environ | {"NUMBA_CACHE_DIR": str(tmp_path / "cache")},
-            text=True,
-            capture_output=True,
-            check=True,
-        ).stderr
-        for _ in range(2)
-    ]
+    said = [run(PROGRAM, tmp_path, tmp_path / "cache").stderr for _ in range(2)]
     assert said[0].count("compiling, once") == 1
     assert said[1] == ""
 
@@ -106,15 +108,7 @@ def test_machine_code_is_not_older_than_what_is_in_it_from_other_files(tmp_path:
     for step, height in ((10, 100), (20, 100), (20, 300), (20, 300)):
         (tmp_path / "inner.py").write_text(INNER.format(step=step))
         (tmp_path / "deep.py").write_text(DEEP.format(height=height))
-        done = subprocess.run(
-            [sys.executable, "-B", "-c", "import outer"],
-            cwd=tmp_path,
-            env=os.environ | {"NUMBA_CACHE_DIR": str(tmp_path / "cache")},
-            text=True,
-            capture_output=True,
-            check=True,
-        )
-        printed.append(done.stdout.strip())
+        printed.append(run("import outer", tmp_path, tmp_path / "cache").stdout.strip())
     assert printed == ["111", "121", "321", "321"]
 
 
@@ -123,15 +117,7 @@ def test_copies_of_a_file_share_their_machine_code(tmp_path: Path) -> None:
     for copy in ("checkout", "installed"):
         (tmp_path / copy).mkdir()
         (tmp_path / copy / "loops.py").write_text(LOOPS)
-        done = subprocess.run(
-            [sys.executable, "-c", PROGRAM],
-            cwd=tmp_path / copy,
-            env=os.environ | {"NUMBA_CACHE_DIR": str(tmp_path / "cache")},
-            text=True,
-            capture_output=True,
-            check=True,
-        )
-        said.append(done.stderr)
+        said.append(run(PROGRAM, tmp_path / copy, tmp_path / "cache").stderr)
     assert "compiling, once" in said[0]
     assert said[1] == ""
 

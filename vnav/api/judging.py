@@ -25,7 +25,6 @@ from vnav.core.trajectory import Trajectory
 from vnav.errors import CaptureError, MapError
 from vnav.io.sources.open_capture import read_truth, truth_of
 from vnav.io.sources.record3d import is_recording
-from vnav.io.store.artifacts import load_odometry
 from vnav.io.store.map_folder import MapFolder
 
 if TYPE_CHECKING:
@@ -108,7 +107,9 @@ def _estimated(source: TrajectorySource) -> Trajectory:
             f"expected a map of one capture, found {folder.root}, of {count}; name the poses of"
             f" one: {folder.root / 'optimise'}/trajectory_0.tum to trajectory_{count - 1}.tum"
         )
-    if folder.has("odometry") and folder.recorded("optimise") is None:
+    if folder.recorded("odometry") and not folder.recorded("optimise"):
+        from vnav.io.store.artifacts import load_odometry
+
         return load_odometry(folder, any_scale=True).trajectory
     return Map(folder).trajectory()
 

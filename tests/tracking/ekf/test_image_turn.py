@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from vnav.core.camera import Intrinsics
-from vnav.tracking.ekf.image_turn import turned
+from vnav.tracking.ekf.image_turn import SHIFT_SIGMA_PX, turned
 from vnav.tracking.ekf.new_features import with_features
 from vnav.tracking.ekf.state import SPIN, VELOCITY, FilterState, at_rest
 
@@ -14,8 +14,7 @@ SMALL = 160, 120
 STEP_S, NEAR = 0.1, 1 / 1.3  # of a wall at 1.3 m
 PASSING_M_S = 0.9
 SPIN_SIGMA_RAD_S = 1.0
-# What the image's shift is known to, and so the spin it measures.
-MEASURED_RAD_S = 10.0 / CAMERA.fx / STEP_S
+MEASURED_RAD_S = SHIFT_SIGMA_PX / CAMERA.fx / STEP_S  # to which a shift tells the spin
 
 
 def moving(velocity_m_s: tuple[float, float, float], sigma_m_s: float) -> FilterState:

@@ -14,10 +14,9 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from vnav.core import se3
 from vnav.core.arrays import Array, Floats
 from vnav.core.camera import Intrinsics
-from vnav.tracking.ekf.state import ROTATION, SPIN, VELOCITY, FilterState
+from vnav.tracking.ekf.state import SPIN, VELOCITY, FilterState
 from vnav.tracking.ekf.update import joseph
 
 MIN_RESPONSE = 0.25  # of the phase correlation's peak
@@ -56,9 +55,9 @@ def turned(
 def _passing(state: FilterState) -> tuple[Array, Array]:
     """How fast what is seen turns past a camera that moves, rad/s (3,), and the deviation of that.
 
-    It is as far as the median feature; without features it is far.
+    It is as far as the median feature was when first seen; without features it is far.
     """
-    right, down, _ = se3.rotation_from_quat(state.x[ROTATION]).T  # the camera's axes in the world
+    right, down, _ = state.T_world_camera[:3, :3].T  # the camera's axes in the world
     near = max(0.0, float(np.median(state.features[:, 5]))) if len(state.features) else 0.0
     by_velocity = near * np.stack([-down, right, np.zeros(3)])
     covariance = by_velocity @ state.P[VELOCITY, VELOCITY] @ by_velocity.T
