@@ -13,6 +13,7 @@ from vnav.core.mapping import FrameFeatures, FrameTable, Odometry
 from vnav.features.description import FrameDescriber, undescribed
 from vnav.registration.reduction import reduced
 from vnav.tracking.feature_tracking import FeatureTracker
+from vnav.tracking.masked_tracking import MaskedTracker
 from vnav.tracking.pose_choice import ChosenMotions, TrackedFrame
 from vnav.tracking.visual_odometry import VisualOdometry
 
@@ -124,6 +125,26 @@ def test_a_frame_whose_motion_its_points_leave_in_doubt_is_described(
         return ChosenMotions({i: replace(e, probability=0.4) for i, e in choice.estimates.items()})
 
     monkeypatch.setattr(FeatureTracker, "track_nearest", doubting)
+    result = tracked(walk[:6])
+    assert described == [0, 3]
+    assert min(edge.probability for edge in result.edges if edge.j == 3) > 0.5
+
+
+def test_a_frame_whose_motion_what_stands_still_leaves_in_doubt_is_described(
+    walk: list[Frame], described: list[int], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    track = MaskedTracker.track
+
+    def doubting(
+        self: MaskedTracker, current: TrackedFrame, choice: ChosenMotions
+    ) -> tuple[TrackedFrame, ChosenMotions]:
+        static, found = track(self, current, choice)
+        if current.features.row != 3 or not current.is_followed:
+            return static, found
+        doubted = {i: replace(e, probability=0.4) for i, e in found.estimates.items()}
+        return static, ChosenMotions(doubted)
+
+    monkeypatch.setattr(MaskedTracker, "track", doubting)
     result = tracked(walk[:6])
     assert described == [0, 3]
     assert min(edge.probability for edge in result.edges if edge.j == 3) > 0.5

@@ -18,6 +18,7 @@ from vnav.masking.view import Blocks
 from vnav.registration.dense import DenseEstimate
 from vnav.tracking.dense_tracking import DenseTracker
 from vnav.tracking.feature_tracking import (
+    MAX_SIGMA_M,
     FeatureTracker,
     are_degenerate,
     described,
@@ -121,11 +122,12 @@ class VisualOdometry:
     def _tracked(self, seen: TrackedFrame, frame: Frame) -> tuple[TrackedFrame, ChosenMotions]:
         """The frame without what moves, and its motions from earlier ones.
 
-        A frame by some of its features is described whole where it sees enough else to become a
-        keyframe, and where they leave its motion in doubt.
+        A frame by some of its features, or by those of another, is described whole where it sees
+        enough else to become a keyframe, and where what stands still leaves its motion in doubt.
         """
         current, choice = self._masked.track(*self._first_tracked(seen, frame))
-        is_doubted = current.features.is_coarse and is_doubtful(choice, MAX_COARSE_SIGMA_M)
+        max_sigma_m = MAX_COARSE_SIGMA_M if current.features.is_coarse else MAX_SIGMA_M
+        is_doubted = not current.is_whole and is_doubtful(choice, max_sigma_m)
         is_new_view = not current.is_whole and self._is_keyframe(current, choice.estimates)
         if not (is_new_view or is_doubted):
             return current, choice
