@@ -9,7 +9,7 @@ from vnav.config import RegistrationConfig
 from vnav.core import se3
 from vnav.core.camera import Intrinsics
 from vnav.core.frame import Frame, Rejected
-from vnav.registration.dense import MOTION_SIGMAS, DenseEstimate, align, align_surfaces
+from vnav.registration.dense import MOTION_SIGMAS, DenseEstimate, align, align_surfaces, fitted_near
 from vnav.registration.reduction import reduced
 
 CAMERA = Intrinsics(320, 240, 262.5, 262.5, 159.5, 119.5)
@@ -241,3 +241,14 @@ def test_surfaces_that_share_nothing_fix_nothing() -> None:
     b = seen(CORNER, MOTION, 1)
     blind = dataclasses.replace(b, depth_m=np.zeros_like(b.depth_m))
     assert isinstance(by_surfaces(seen(CORNER, STILL, 0), blind), Rejected)
+
+
+def test_the_motion_of_a_part_is_found_from_that_of_another() -> None:
+    a, b = (reduced(seen(CORNER, T, k, 1.0)) for k, T in enumerate((STILL, MOTION)))
+    _, across = np.mgrid[:1, : b.grey.shape[1]]
+    right = np.broadcast_to(across >= b.grey.shape[1] // 2, b.grey.shape)
+    there = se3.exp([0.0, 0.0, 0.0, 0.0, 0.0, 0.1])  # where the left part moved to
+    found = fitted_near(a, b.without(~right), CONFIG, MOTION @ there)
+    off = np.abs(se3.deviation(se3.inverse(MOTION) @ found))
+    assert off[:3].max() < np.deg2rad(0.3)
+    assert off[3:].max() < 0.01  # a tenth of what it began with

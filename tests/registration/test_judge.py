@@ -9,7 +9,7 @@ from tests.registration.plane_views import CAMERA, Plane, periodic, plain, speck
 from vnav.config import RegistrationConfig
 from vnav.core import se3
 from vnav.core.frame import Frame
-from vnav.registration.judge import CLEAR, WRONG, PixelEvidence, are_same, judge
+from vnav.registration.judge import CLEAR, WRONG, PixelEvidence, are_same, judge, refuted
 from vnav.registration.pixel_evidence import log_likelihoods
 from vnav.registration.reduction import reduced
 
@@ -88,8 +88,9 @@ def test_evidence_of_two_pairs_of_frames_is_stronger_than_that_of_one() -> None:
 
 
 def test_a_prior_decides_what_pixels_leave_open_and_nothing_else() -> None:
-    tie = PixelEvidence(np.zeros((3, 3)), np.ones((3, 3)))
-    clear = PixelEvidence(np.array([[0, 20, 20], [-20, 0, 0], [-20, 0, 0.0]]), np.ones((3, 3)))
+    tie = PixelEvidence(np.zeros((3, 3)), np.ones((3, 3)), np.zeros(2))
+    favour = np.array([[0, 20, 20], [-20, 0, 0], [-20, 0, 0.0]])
+    clear = PixelEvidence(favour, np.ones((3, 3)), np.zeros(2))
     prior = np.array([-3.0, 0.0])
     np.testing.assert_allclose(tie.probabilities, 1 / 3)
     assert tie.posterior(prior)[1] > 9 * tie.posterior(prior)[0]
@@ -219,3 +220,26 @@ def test_what_moves_tells_nothing_by_its_brightness_either() -> None:
             found[is_masked].append(float(evidence.log_odds[0, 1]))
     assert abs(np.subtract(*found[False])) > CLEAR
     assert abs(np.subtract(*found[True])) < 0.1
+
+
+AWAY_M = 0.1
+BEFORE_WALL = Plane(1.8, speckle(3, grain_m=0.02), (-0.4, -0.8), (0.4, 0.9))  # 37 % of the view
+FAINT_WALL = Plane(3.0, speckle(2, contrast=3.0, grain_m=0.08))
+
+
+def test_what_stands_still_refutes_the_motion_of_who_walks_away() -> None:
+    away = replace(BEFORE_WALL, z=BEFORE_WALL.z + AWAY_M)
+    a = reduced(view([FAINT_WALL, BEFORE_WALL], 0, seed=0))
+    b = reduced(view([FAINT_WALL, away], STEP_M, seed=1))
+    follows = se3.make(np.eye(3), [STEP_M, 0, -AWAY_M])
+    wall, person = b.inverse_depth < 0.4, b.inverse_depth > 0.45
+    on_wall, on_person = (refuted(a, b, T, CONFIG) for T in (follows, shift(STEP_M)))
+    assert on_wall[wall].mean() > 0.8
+    assert on_wall[person].mean() < 0.1
+    assert on_person[wall].mean() < 0.1
+    assert judge(a, b, [follows], CONFIG).refuting[0] > 0.5
+
+
+def test_nothing_refutes_the_motion_past_what_stands_still() -> None:
+    scene = [FAINT_WALL, BEFORE_WALL]
+    assert evidence(scene, scene, shift(STEP_M)).refuting[0] < 0.02

@@ -1,11 +1,12 @@
 """The pose of a frame among things that repeat, and things that move."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from tests.registration.plane_views import CAMERA, Plane, periodic, speckle, view
+from tests.registration.plane_views import CAMERA, Plane, periodic, plain, speckle, view
 from vnav.config import Config, FeaturesConfig
 from vnav.core import se3
 from vnav.core.frame import Frame, PoseEstimate
@@ -29,6 +30,11 @@ PERIOD_M = 0.12
 SHELVES = Plane(1.5, periodic(speckle(1, grain_m=0.02), PERIOD_M))
 WALL = Plane(3.0, speckle(2))
 PERSON = Plane(1.8, speckle(3, grain_m=0.02), (-0.4, -0.8), (0.4, 0.9))  # 37 % of the view
+BARE_ROOM = [
+    Plane(3.0, plain(150)),
+    Plane(2.6, plain(130), (-2, 0.6), (2, 2)),
+    Plane(2.7, plain(170), (-2, -2), (-1.2, 2)),
+]
 FIRST_M, LAST_M, NOW_M = 0.0, 0.12, 0.18  # where the camera was, and is
 
 
@@ -43,7 +49,9 @@ def at(x: float) -> np.ndarray:
 
 
 def found(
-    scenes: list[list[Plane]], expected: list[float], log_prior: LogPrior = evenly_likely
+    scenes: list[list[Plane]],
+    expected: Sequence[float | np.ndarray],
+    log_prior: LogPrior = evenly_likely,
 ) -> ChosenMotions:
     """The choice for the last of three views, of a camera that moves to the right."""
     places = FIRST_M, LAST_M, NOW_M
@@ -52,7 +60,8 @@ def found(
     ]
     frames = [tracked(v) for v in views]
     targets = [Target(frames[1], at(LAST_M)), Target(frames[0], at(FIRST_M))]
-    return PoseSearch(CONFIG).search(targets, frames[2], [at(x) for x in expected], log_prior)
+    poses = [at(x) if isinstance(x, float) else x for x in expected]
+    return PoseSearch(CONFIG).search(targets, frames[2], poses, log_prior)
 
 
 def off_m(choice: ChosenMotions) -> list[float]:
@@ -135,3 +144,14 @@ def test_what_poses_share_is_at_most_one_in_spite_of_rounding(
     monkeypatch.setattr(PixelEvidence, "posterior", lambda _evidence, _prior: rounded)
     found = weighed(1.0, apart_m=0.006).estimates.values()
     assert [estimate.probability for estimate in found] == [1.0]
+
+
+@pytest.mark.parametrize("step_m", [0.06, 0.1, -0.1])
+def test_a_person_is_not_believed_where_a_room_without_features_shows_another_motion(
+    step_m: float,
+) -> None:
+    follows = se3.make(np.eye(3), [NOW_M, 0, -step_m])
+    scenes = [[*BARE_ROOM, replace(PERSON, z=PERSON.z + z)] for z in (0.0, 0.0, step_m)]
+    choice = found(scenes, [follows, at(LAST_M)])
+    assert max(off_m(choice)) > 0.05  # no other motion has features
+    assert choice.probability < 0.05

@@ -69,6 +69,18 @@ def align_reduced(
     return _aligned(ImagePair.of_blocks(a, b), BLURS_BLOCKS, config, predicted)
 
 
+def fitted_near(
+    a: ReducedFrame, b: ReducedFrame, config: RegistrationConfig, predicted: Array
+) -> Array:
+    """The ``T_a_b`` that fits two frames in blocks best near a predicted one; others must judge it.
+
+    Unlike `align_reduced` it asks neither how much overlaps nor how much agrees.
+    """
+    images, sigma = ImagePair.of_blocks(a, b), config.depth_sigma_per_m2
+    levels = [images.terms(blur, sigma) for blur in BLURS_BLOCKS]
+    return _coarse_to_fine(levels, se3.orthonormal(predicted), predicted)
+
+
 def align_surfaces(
     a: ReducedFrame, b: ReducedFrame, config: RegistrationConfig, predicted: Array
 ) -> DenseEstimate | Rejected:

@@ -9,7 +9,7 @@ prefer one: Vuong 1989, "Likelihood ratio tests for model selection".
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from math import ceil, erfc, log, sqrt
 
@@ -54,14 +54,17 @@ class PixelEvidence:
 
     ``favour`` (C + 1, C + 1): votes of cells for the row's candidate against the column's, as
     log-likelihood ratios; ``variance`` of these sums, by how much the cells disagree.
+    ``refuting`` (C,): share of the cells that show other things than a candidate has there.
     """
 
     favour: Array
     variance: Array
+    refuting: Array
 
     def __add__(self, other: "PixelEvidence") -> "PixelEvidence":
-        """With that of another pair of frames on the same candidates."""
-        return PixelEvidence(self.favour + other.favour, self.variance + other.variance)
+        """With that of another pair of frames on the same candidates; the larger share refutes."""
+        favour, variance = self.favour + other.favour, self.variance + other.variance
+        return PixelEvidence(favour, variance, np.maximum(self.refuting, other.refuting))
 
     @property
     def log_odds(self) -> Array:
@@ -94,9 +97,22 @@ def judge(
     """
     of_a, of_b = _View.of(a), _View.of(b)
     inverses = [se3.inverse(T) for T in candidates]
-    ways = _votes(of_a, of_b, inverses, config), _votes(of_b, of_a, candidates, config)
-    favour, variance = (np.mean(parts, 0) for parts in zip(*ways, strict=True))
-    return PixelEvidence(favour, variance)  # the mean: what one way tells, the other tells again
+    there, back = _votes(of_a, of_b, inverses, config), _votes(of_b, of_a, candidates, config)
+    both = there + back  # what one way tells, the other tells again
+    return replace(both, favour=both.favour / 2, variance=both.variance / 2)
+
+
+def refuted(
+    a: ReducedFrame, b: ReducedFrame, T_a_b: Array, config: RegistrationConfig
+) -> NDArray[np.bool_]:
+    """Blocks (H, W) of b, by cells, that show other things than a motion has there.
+
+    Chance explains what such a cell's pixels meet in a better.
+    """
+    cells = _refuting(_told(_View.of(b), _View.of(a), [T_a_b], config), _cells(b.intrinsics))[0]
+    height, width = b.grey.shape
+    rows, columns = np.arange(height) * CELLS[0] // height, np.arange(width) * CELLS[1] // width
+    return np.asarray(cells.reshape(CELLS)[np.ix_(rows, columns)])
 
 
 def are_same(
@@ -158,10 +174,15 @@ class _View:
         return cls(image, spreads, camera, *asked)
 
 
-def _votes(
-    a: _View, b: _View, T_b_a: Sequence[Array], config: RegistrationConfig
-) -> tuple[Array, Array]:
+def _votes(a: _View, b: _View, T_b_a: Sequence[Array], config: RegistrationConfig) -> PixelEvidence:
     """How a's cells vote, by what their pixels meet in b; see `poll`."""
+    told = _told(a, b, T_b_a, config)
+    favour, variance = poll(told, a.cells, a.surface, a.weight, WRONG)
+    return PixelEvidence(favour, variance, _refuting(told, a.cells).mean(1))
+
+
+def _told(a: _View, b: _View, T_b_a: Sequence[Array], config: RegistrationConfig) -> Array:
+    """Log-likelihoods (C + 1, N) of what a's pixels meet in b, over chance, which is the last."""
     delays = DEPTH_DELAY_SIGMA_S, BLOCK_PX * LINE_DELAY_SIGMA_S
     place = config.pixel_sigma_px / BLOCK_PX
     sigmas = np.array([place, config.depth_sigma_per_m2, GREY_SIGMA, *delays])
@@ -178,8 +199,14 @@ def _votes(
         told[k] = log_likelihoods(met, a.brightness, light, chance, WRONG)
         beyond = met_beyond, a.brightness[far], a.cells[far]
         told[k, far] = far_log_likelihoods(*beyond, light, chance[1], WRONG)
-    favour, variance = poll(told, a.cells, a.surface, a.weight, WRONG)
-    return favour, variance
+    return told
+
+
+def _refuting(told: Array, cells: NDArray[np.int64]) -> NDArray[np.bool_]:
+    """Which cells (C, R * C) refute each candidate, by the log-likelihoods (C + 1, N) of pixels."""
+    size = CELLS[0] * CELLS[1]
+    sums = [np.bincount(cells, of_pixels, size) for of_pixels in np.nan_to_num(told[:-1])]
+    return np.reshape(sums, (-1, size)) < 0
 
 
 @lru_cache(MOST_VIEWS)

@@ -27,6 +27,7 @@ CLEAR = 0.95  # probability of a pose that needs no second look
 UNSURE = 0.5  # probability, below which a pose is in doubt
 DELAY_S = sqrt(2) * DEPTH_DELAY_SIGMA_S  # between two frames, each late by as much
 MAX_POSES = 12  # that are judged
+MUCH = 0.1  # share of an image that refutes a pose, where it is asked for another
 MIN_ALTERNATIVE = 0.05  # probability of a pose that is kept beside the best
 LogPrior = Callable[[Array], float]  # how likely a pose ``T_track_current`` is by itself
 Motions = dict[int, PoseEstimate]  # to the current frame, by the row of the frame they are from
@@ -93,9 +94,9 @@ class Target:
         """``T_a_b`` from this frame to a pose of the current one."""
         return np.asarray(se3.inverse(self.T_track_camera) @ T_track_current)
 
-    def pose(self, estimate: PoseEstimate) -> Array:
+    def pose(self, T_a_b: Array) -> Array:
         """``T_track_current`` where a motion from this frame leads."""
-        return np.asarray(self.T_track_camera @ estimate.T_a_b)
+        return np.asarray(self.T_track_camera @ T_a_b)
 
 
 @dataclass(frozen=True)
@@ -137,7 +138,7 @@ class PoseChoice:
         self._targets, self._current, self._config = targets, current, config
         self._log_prior = log_prior
         self._poses: list[_Pose] = []
-        self._probabilities = np.zeros(0)
+        self._probabilities = self._refuting = np.zeros(0)
 
     @property
     def poses(self) -> list[Array]:
@@ -158,7 +159,7 @@ class PoseChoice:
         """Add the poses that motions from a target lead to; of two to one pose the better."""
         row = target.row
         for estimate in estimates:
-            pose = self._known(target.pose(estimate))
+            pose = self._known(target.pose(estimate.T_a_b))
             known = pose.motions.get(row)
             if known is None or known.agreeing < estimate.agreeing:
                 pose.motions[row] = estimate
@@ -186,7 +187,13 @@ class PoseChoice:
             for a in self._targets
         ]
         log_prior = np.array([self._log_prior(T) for T in self.poses])
-        self._probabilities = reduce(add, evidence).posterior(log_prior)
+        of_all = reduce(add, evidence)
+        self._probabilities, self._refuting = of_all.posterior(log_prior), of_all.refuting
+
+    @property
+    def is_refuted(self) -> bool:
+        """Whether much of what the images show refutes the best pose."""
+        return bool(self._refuting[self._probabilities.argmax()] >= MUCH)
 
     @property
     def is_clear(self) -> bool:

@@ -6,11 +6,15 @@ from dataclasses import replace
 import numpy as np
 
 from vnav.config import Config
+from vnav.core import se3
 from vnav.core.arrays import Array
 from vnav.core.frame import PoseEstimate, Rejected
 from vnav.core.mapping import FrameFeatures
+from vnav.core.reduced_frame import ReducedFrame
 from vnav.features.matching import DescriptorMatcher
+from vnav.registration.dense import fitted_near
 from vnav.registration.followed_points import FollowedRegistration
+from vnav.registration.judge import refuted
 from vnav.registration.points3d import PointRegistration
 from vnav.tracking.pose_choice import (
     ChosenMotions,
@@ -20,6 +24,8 @@ from vnav.tracking.pose_choice import (
     TrackedFrame,
     evenly_likely,
 )
+
+PARTS = 3  # of an image that are asked, each for what it has against the pose by the one before
 
 
 class PoseSearch:
@@ -40,8 +46,8 @@ class PoseSearch:
 
         Poses that matches agree on, from one target after the other, are held against those that
         are ``expected`` without matches, ``T_track_current``, the most likely first. Unless one is
-        clearly the best, more are sought: near all so far, and among twins. ``log_prior``: what is
-        known of the pose beforehand.
+        clearly the best, more are sought: near all so far, and among twins. Where much refutes even
+        the best, that is asked for another. ``log_prior``: what is known of the pose beforehand.
         """
         choice = PoseChoice(targets, current.image, self._config, log_prior)
         for target in targets:
@@ -53,6 +59,9 @@ class PoseSearch:
             for target in targets:
                 self._seek(choice, target, current)
             choice.judge()
+        if choice.poses and choice.is_refuted:
+            for target in targets:
+                self._seek_refuting(choice, target, current)
         return choice.result()
 
     def near(
@@ -62,7 +71,9 @@ class PoseSearch:
 
         Some of the targets are those of the choice. None where too few features agree.
         """
-        poses = [t.pose(choice.estimates[t.row]) for t in targets if t.row in choice.estimates]
+        poses = [
+            t.pose(choice.estimates[t.row].T_a_b) for t in targets if t.row in choice.estimates
+        ]
         found = {}
         for target in targets if poses else []:
             a, b, pair = self._pair(target, current)
@@ -102,6 +113,27 @@ class PoseSearch:
                 choice.add(target, near)
                 choice.drop(pose)
         choice.add(target, pair.among_twins(a, b, rng, predicted))
+
+    def _seek_refuting(self, choice: PoseChoice, target: Target, current: TrackedFrame) -> None:
+        """Suggest the pose by the part of the images that refutes the best, and so on with that."""
+        a, b, pair = self._pair(target, current)
+        for _ in range(PARTS):
+            best = choice.best
+            assert best is not None
+            T_a_b = self._by_refuting(target.frame.image, current.image, target.motion(best))
+            choice.suggest([target.pose(T_a_b)])
+            choice.add(target, pair.hypotheses_near(a, b, T_a_b))
+            choice.judge()
+            if choice.best is best or not choice.is_refuted:
+                return
+
+    def _by_refuting(self, a: ReducedFrame, b: ReducedFrame, T_a_b: Array) -> Array:
+        """The motion that fits the part of an image best that refutes one."""
+        T_b_a, config = se3.inverse(T_a_b), self._config
+        of_a, of_b = refuted(b, a, T_b_a, config), refuted(a, b, T_a_b, config)
+        if of_b.mean() > of_a.mean():
+            return fitted_near(a, b.without(~of_b), config, T_a_b)
+        return np.asarray(se3.inverse(fitted_near(b, a.without(~of_a), config, T_b_a)))
 
     def _pair(
         self, target: Target, current: TrackedFrame
