@@ -252,3 +252,9 @@ def test_the_motion_of_a_part_is_found_from_that_of_another() -> None:
     off = np.abs(se3.deviation(se3.inverse(MOTION) @ found))
     assert off[:3].max() < np.deg2rad(0.3)
     assert off[3:].max() < 0.01  # a tenth of what it began with
+
+
+def test_where_no_surface_is_left_the_prediction_stays() -> None:
+    a, b = (reduced(seen(CORNER, T, k, 1.0)) for k, T in enumerate((STILL, MOTION)))
+    found = fitted_near(a, b.without(np.ones(b.grey.shape, bool)), CONFIG, MOTION)
+    np.testing.assert_allclose(found, MOTION, atol=1e-9)
