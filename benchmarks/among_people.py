@@ -14,18 +14,13 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from shutil import copy
 
-from broken_odometry import MAX_DIFFERENCE_S
-from people import FRAMES, rendered, spec_of
+from accuracy import poses_in
+from people import FRAMES, name_of, rendered, spec_of
 from recording import Measurement, add_record_option, conclude
-from verdicts import STAGES, WRONG
+from verdicts import WRONG, scored_and_doubtful, share_off, with_poses
 
 import vnav
 from vnav.config import Config
-from vnav.evaluation.score import score
-from vnav.io.formats.trajectories import read_tum
-from vnav.io.store.map_folder import MapFolder
-from vnav.pipeline.build import judged, run_stages
-from vnav.stages import odometry
 
 SHARE = 0.35  # of the pixels
 STRETCHES = 4  # of a walk, which overlap
@@ -53,16 +48,10 @@ def stretch(capture: Path, first: int, frames: int, folder: Path) -> Path:
 
 def measured(on: str, capture: Path, root: Path) -> Iterator[Measurement]:
     """A stretch mapped up to its poses: how many has it, how far off, and what is said of it."""
-    folder, config, recording = MapFolder.create(root), Config(), vnav.open_capture(capture)
-    odometry.run(folder, recording, config)
-    run_stages(folder, STAGES, config)
-    judged(folder, config)
-    estimate = read_tum(folder.root / "optimise" / "trajectory_0.tum")
-    found = score(estimate, read_tum(capture / "groundtruth.txt"), MAX_DIFFERENCE_S)
-    off = found.ate.translation_m.rmse / found.paths_m[0]
-    is_doubtful = folder.report("quality")["values"]["verdict"] != "good"
-    frames, what = len(recording), "vnav"
-    posed = len(estimate.stamps_s)
+    config, frames, what = Config(), len(vnav.open_capture(capture)), "vnav"
+    folder = with_poses(capture, root, config)
+    found, is_doubtful = scored_and_doubtful(capture, folder, config)
+    off, posed = share_off(found), poses_in(folder.root / "optimise" / "trajectory_0.tum")
     yield Measurement(on, what, "frames with a pose", posed, "", f"at least {frames}")
     yield Measurement(on, what, "ATE RMSE", found.ate.translation_m.rmse, "m")
     yield Measurement(on, what, "ATE of the way", 100 * off, "%")
@@ -83,7 +72,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     captures.mkdir(parents=True, exist_ok=True)
     for scene in asked.scenes:
         for seed in range(asked.seeds):
-            name, frames = f"{scene}_people{round(100 * SHARE)}_seed{seed}", FRAMES[scene] // 2
+            name, frames = name_of(scene, SHARE, seed), FRAMES[scene] // 2
             walk = rendered(captures / name, spec_of(scene, SHARE, seed, asked.width))
             for first in begins_of(FRAMES[scene]):
                 part = stretch(walk, first, frames, captures / f"{name}_from{first}")

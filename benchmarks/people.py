@@ -46,6 +46,11 @@ def spec_of(scene: str, share: float, seed: int, width: int) -> CaptureSpec:
     return replace(spec, walkers=WALKERS[share], walker_share=share)
 
 
+def name_of(scene: str, share: float, seed: int) -> str:
+    """What such a walk's folders are called."""
+    return f"{scene}_people{round(100 * share):02d}_seed{seed}"
+
+
 def rendered(folder: Path, spec: CaptureSpec) -> Path:
     """The capture's folder, written where it is not there."""
     if not folder.is_dir():
@@ -136,7 +141,7 @@ def walks(asked: argparse.Namespace, scene: str, seed: int) -> Iterator[Measurem
     on, place = f"{scene}, seed {seed}", SCENES[scene](seed)
     empty: list[Measurement] = []
     for share in (0.0, *asked.shares):
-        name = f"{scene}_people{round(100 * share):02d}_seed{seed}"
+        name = name_of(scene, share, seed)
         capture = rendered(asked.out / "captures" / name, spec_of(scene, share, seed, asked.width))
         map_of = asked.out / "maps" / name
         built(capture, map_of)

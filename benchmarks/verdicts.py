@@ -28,7 +28,7 @@ import vnav
 from vnav.config import Config, MaskingConfig
 from vnav.core import se3
 from vnav.core.mapping import Odometry
-from vnav.evaluation.score import score
+from vnav.evaluation.score import Score, score
 from vnav.io.formats.trajectories import read_tum
 from vnav.io.store.artifacts import load_odometry
 from vnav.io.store.map_folder import MapFolder
@@ -124,22 +124,36 @@ def mapped(case: Case, out: Path) -> tuple[Path, MapFolder]:
             remade(MapFolder(root), wrong, config)
         return capture, MapFolder(root)
     capture = rendered(out / "captures" / case.name, spec_of(case))
-    folder = MapFolder.create(root, fresh=False)
+    return capture, with_poses(capture, root, config)
+
+
+def with_poses(capture: Path, root: Path, config: Config) -> MapFolder:
+    """A capture's map up to the poses; stages that are there are kept."""
+    folder = MapFolder.create(root)
     odometry.run(folder, vnav.open_capture(capture), config)
     run_stages(folder, STAGES, config)
-    return capture, folder
+    return folder
 
 
 def off_and_doubtful(case: Case, out: Path) -> tuple[float, bool]:
     """ATE of a map as a share of its path, and whether it is called doubtful."""
-    capture, folder = mapped(case, out)
-    judged(folder, config_of(case))
+    found, is_doubtful = scored_and_doubtful(*mapped(case, out), config_of(case))
+    off = share_off(found)
+    print(f"{case.name}: ATE {off:.2%} of the path, {'doubtful' if is_doubtful else 'good'}")
+    return off, is_doubtful
+
+
+def scored_and_doubtful(capture: Path, folder: MapFolder, config: Config) -> tuple[Score, bool]:
+    """A map's poses against the truth, and whether it is called doubtful."""
+    judged(folder, config)
     estimate = read_tum(folder.root / "optimise" / "trajectory_0.tum")
     scored = score(estimate, read_tum(capture / "groundtruth.txt"), MAX_DIFFERENCE_S)
-    off = scored.ate.translation_m.rmse / scored.paths_m[0]
-    quality = folder.report("quality")["values"]
-    print(f"{case.name}: ATE {off:.2%} of the path, {quality['verdict']}")
-    return off, quality["verdict"] == "doubtful"
+    return scored, folder.report("quality")["values"]["verdict"] == "doubtful"
+
+
+def share_off(found: Score) -> float:
+    """ATE as a share of the path."""
+    return float(found.ate.translation_m.rmse / found.paths_m[0])
 
 
 def measure(asked: argparse.Namespace) -> Iterator[Measurement]:

@@ -76,9 +76,7 @@ def fitted_near(
 
     Unlike `align_reduced` it asks neither how much overlaps nor how much agrees.
     """
-    images, sigma = ImagePair.of_blocks(a, b), config.depth_sigma_per_m2
-    levels = [images.terms(blur, sigma) for blur in BLURS_BLOCKS]
-    return _coarse_to_fine(levels, se3.orthonormal(predicted), predicted)
+    return _fitted(ImagePair.of_blocks(a, b), BLURS_BLOCKS, config, predicted)[1]
 
 
 def align_surfaces(
@@ -98,10 +96,17 @@ def align_surfaces(
 def _aligned(
     images: ImagePair, blurs_px: Sequence[float], config: RegistrationConfig, predicted: Array
 ) -> DenseEstimate | Rejected:
-    levels = [images.terms(blur_px, config.depth_sigma_per_m2) for blur_px in blurs_px]
-    T_a_b = _coarse_to_fine(levels, se3.orthonormal(predicted), predicted)
+    levels, T_a_b = _fitted(images, blurs_px, config, predicted)
     T_a_b = _from_all_sides(levels, T_a_b, predicted)
     return _estimate(levels[-1], T_a_b, predicted, MIN_OVERLAP)
+
+
+def _fitted(
+    images: ImagePair, blurs_px: Sequence[float], config: RegistrationConfig, predicted: Array
+) -> tuple[Sequence[Terms], Array]:
+    """What images blurred by so much compare, and the motion that it leads to."""
+    levels = [images.terms(blur_px, config.depth_sigma_per_m2) for blur_px in blurs_px]
+    return levels, _coarse_to_fine(levels, se3.orthonormal(predicted), predicted)
 
 
 def _estimate(

@@ -110,9 +110,8 @@ def refuted(
     Chance explains what such a cell's pixels meet in a better.
     """
     cells = _refuting(_told(_View.of(b), _View.of(a), [T_a_b], config), _cells(b.intrinsics))[0]
-    height, width = b.grey.shape
-    rows, columns = np.arange(height) * CELLS[0] // height, np.arange(width) * CELLS[1] // width
-    return np.asarray(cells.reshape(CELLS)[np.ix_(rows, columns)])
+    v, u = np.mgrid[: b.intrinsics.height, : b.intrinsics.width]
+    return np.asarray(cells[_cell_at(v, u, b.intrinsics)])
 
 
 def are_same(
@@ -220,9 +219,13 @@ def _grid(camera: Intrinsics, count: int) -> tuple[NDArray[np.int64], int]:
 @lru_cache(MOST_VIEWS)
 def _cells(camera: Intrinsics) -> NDArray[np.int64]:
     """The number (N,) of the cell that each asked pixel is in."""
-    pixels = _grid(camera, MAX_SAMPLES)[0]
-    rows, columns = (pixels[:, ::-1] * CELLS // (camera.height, camera.width)).T
-    return np.asarray(rows * CELLS[1] + columns)
+    u, v = _grid(camera, MAX_SAMPLES)[0].T
+    return _cell_at(v, u, camera)
+
+
+def _cell_at(v: Rows, u: Rows, camera: Intrinsics) -> NDArray[np.int64]:
+    """The number of the cell that a pixel is in."""
+    return np.asarray(v * CELLS[0] // camera.height * CELLS[1] + u * CELLS[1] // camera.width)
 
 
 def _log_odds(z: float) -> float:
