@@ -71,10 +71,10 @@ def test_of_a_still_scene_no_view_is_held_that_no_mask_needs() -> None:
     assert max(held) <= 2 * 0.5 / STEP_S  # those of the window before a view, and after it
 
 
-def test_what_is_followed_stays_with_its_source_where_others_move() -> None:
+def test_what_is_followed_stays_with_its_source_where_others_move_or_are_beside_what_does() -> None:
     blocks = np.zeros((120, 160), bool)
     blocks[:, :80] = True  # the left half moves
-    px = np.array([[10, 10], [600, 10], [20, 300], [500, 400]], np.float32)
+    px = np.array([[10, 10], [600, 10], [322, 300], [500, 400]], np.float32)  # the third beside it
     camera = Intrinsics(640, 480, 525.0, 525.0, 319.5, 239.5)
     image = reduced(Frame(0, 1, 0.1, np.zeros((480, 640, 3), np.uint8), no_depth(480, 640), camera))
     own, source = undescribed(1, px, np.ones((4, 3))), undescribed(0)

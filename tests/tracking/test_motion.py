@@ -1,5 +1,7 @@
 """The motion that is predicted of a camera."""
 
+from collections.abc import Callable
+
 import numpy as np
 import pytest
 
@@ -97,14 +99,33 @@ def test_frames_of_one_time_are_predicted_at_one_place() -> None:
     np.testing.assert_allclose(motion.predicted(1), np.eye(4), atol=1e-9)
 
 
-def test_a_measured_step_is_predicted_instead_until_the_frame_is_added() -> None:
+@pytest.mark.parametrize("take", [ConstantVelocity.replace_prediction, ConstantVelocity.suggest])
+def test_a_measured_step_is_predicted_instead_until_the_frame_is_added(
+    take: Callable[[ConstantVelocity, np.ndarray], None],
+) -> None:
     motion = after_two_frames()
-    motion.replace_prediction(TURN)
+    take(motion, TURN)
     np.testing.assert_allclose(motion.predicted(1), TURN)
     np.testing.assert_allclose(motion.predicted(0), STEP @ TURN)
     motion.update(2, {1: STEP})
     motion.predict(5.3)
     np.testing.assert_allclose(motion.predicted(2), STEP, atol=1e-9)
+
+
+def test_a_suggested_step_is_expected_beside_the_others_and_is_no_likelier_for_it() -> None:
+    motion = after_two_frames()
+    before = motion.expected
+    log_prior = motion.log_prior(STEP @ TURN)
+    motion.suggest(TURN)
+    np.testing.assert_allclose(motion.expected, [STEP @ TURN, *before])
+    assert motion.log_prior(STEP @ TURN) == log_prior
+
+
+def test_a_step_that_replaces_the_predicted_one_is_likely() -> None:
+    motion = after_two_frames()
+    motion.replace_prediction(TURN)
+    assert len(motion.expected) == 2
+    assert motion.log_prior(STEP @ TURN) == 0
 
 
 def test_nothing_is_predicted_of_another_track() -> None:

@@ -53,15 +53,19 @@ def found(
     expected: Sequence[float | np.ndarray],
     log_prior: LogPrior = evenly_likely,
 ) -> ChosenMotions:
-    """The choice for the last of three views, of a camera that moves to the right."""
-    places = FIRST_M, LAST_M, NOW_M
-    views = [
-        view(s, x, seed=k, index=k) for k, (s, x) in enumerate(zip(scenes, places, strict=True))
-    ]
-    frames = [tracked(v) for v in views]
-    targets = [Target(frames[1], at(LAST_M)), Target(frames[0], at(FIRST_M))]
+    """The choice for the last of three views."""
     poses = [at(x) if isinstance(x, float) else x for x in expected]
-    return PoseSearch(CONFIG).search(targets, frames[2], poses, log_prior)
+    return PoseSearch(CONFIG).search(*tracked_views(scenes), poses, log_prior)
+
+
+def tracked_views(scenes: list[list[Plane]]) -> tuple[list[Target], TrackedFrame]:
+    """The first two of three views, and the last, of a camera that moves to the right."""
+    places = FIRST_M, LAST_M, NOW_M
+    first, last, now = (
+        tracked(view(s, x, seed=k, index=k))
+        for k, (s, x) in enumerate(zip(scenes, places, strict=True))
+    )
+    return [Target(last, at(LAST_M)), Target(first, at(FIRST_M))], now
 
 
 def off_m(choice: ChosenMotions) -> list[float]:
@@ -155,3 +159,21 @@ def test_a_person_is_not_believed_where_a_room_without_features_shows_another_mo
     choice = found(scenes, [follows, at(LAST_M)])
     assert max(off_m(choice)) > 0.05  # no other motion has features
     assert choice.probability < 0.05
+
+
+def test_where_features_tell_no_motion_all_pixels_tell_it_near_one_that_is_expected() -> None:
+    frames = tracked_views([[WALL]] * 3)
+    goes_on = at(NOW_M + 0.02)
+    choice = PoseSearch(CONFIG).by_pixels(*frames, ChosenMotions(), [goes_on, at(LAST_M)])
+    assert max(off_m(choice)) < 0.005
+    assert choice.probability > 0.95
+
+
+def test_a_motion_by_features_stays_where_the_pixels_tell_the_same() -> None:
+    frames = tracked_views([[WALL]] * 3)
+    by_features = PoseSearch(CONFIG).search(*frames, [at(LAST_M)])
+    choice = PoseSearch(CONFIG).by_pixels(*frames, by_features, [at(LAST_M)])
+    assert {row: e.agreeing for row, e in choice.estimates.items()} == {
+        row: e.agreeing for row, e in by_features.estimates.items()
+    }
+    assert choice.probability > 0.95

@@ -72,6 +72,20 @@ def test_an_edge_that_went_astray_is_mended_where_a_mask_at_either_end_has_chang
     assert 4 * sigma_m < 0.02
 
 
+def test_the_pixels_tell_the_motion_where_a_mask_leaves_hardly_a_feature(
+    seen: list[SeenFrame], poses: np.ndarray
+) -> None:
+    few = [
+        replace(s, frame=replace(s.frame, features=s.frame.features[np.arange(5)])) for s in seen
+    ]
+    second, right = SecondTracker(CONFIG), edge(poses, 0, 1)
+    second.track(FinalFrame(seen[0], False), [])
+    wrong = replace(right, T_i_j=right.T_i_j @ ASTRAY)
+    choice = second.track(FinalFrame(few[1], True), [wrong])
+    error = se3.inverse(right.T_i_j) @ choice.estimates[0].T_a_b
+    assert np.linalg.norm(error[:3, 3]) < np.linalg.norm(ASTRAY[:3, 3]) / 10
+
+
 def test_a_frame_of_which_a_mask_leaves_nothing_keeps_its_motions_and_is_passed_over(
     seen: list[SeenFrame], poses: np.ndarray
 ) -> None:

@@ -43,7 +43,7 @@ def bodies(regions: Blocks) -> Blocks:
 def beside(regions: Blocks, others: Blocks) -> Blocks:
     """Of other connected regions those that touch the given ones."""
     _, labels = cv2.connectedComponents(others.astype(np.uint8), connectivity=4)
-    touched = np.unique(labels[_widened(regions)])
+    touched = np.unique(labels[widened(regions)])
     return np.asarray(np.isin(labels, touched[touched > 0]))
 
 
@@ -70,7 +70,7 @@ def completed(moved_s: Floats, view: PosedView) -> Floats:
     whole[0] = False
     moving |= whole[number]
     for _ in range(EDGE):
-        moving |= _widened(moving) & (number == 0)
+        moving |= widened(moving) & (number == 0)
     return joined(moved_s, moving, number)
 
 
@@ -82,7 +82,8 @@ def joined(moved_s: Floats, blocks: Blocks, number: NDArray[np.int32]) -> Floats
     return np.where(blocks & np.isinf(moved_s), soonest[number], moved_s)
 
 
-def _widened(blocks: Blocks) -> Blocks:
+def widened(blocks: Blocks) -> Blocks:
+    """Blocks (h, w) with those around them."""
     return np.asarray(cv2.dilate(blocks.astype(np.uint8), AROUND) > 0)
 
 

@@ -47,6 +47,16 @@ class FeatureTracker:
         """
         return self._search.near(self._targets(self._nearest()), current, choice)
 
+    def track_pixels(self, current: TrackedFrame, choice: ChosenMotions) -> ChosenMotions:
+        """Motions from the predecessor and from the last keyframe, those by all pixels among them.
+
+        ``choice``: those of features, from these frames, which are not enough to be sure.
+        """
+        targets, motion = self._targets(self._nearest()), self._motion
+        if not targets:
+            return choice
+        return self._search.by_pixels(targets, current, choice, motion.expected, motion.log_prior)
+
     def remember(self, current: TrackedFrame, is_keyframe: bool, estimates: Motions) -> None:
         """Make the current frame the predecessor of the next, if its features are its own.
 

@@ -19,6 +19,7 @@ from vnav.core.reduced_frame import blocks_of
 from vnav.masking import PosedView, mask
 from vnav.masking.history import ViewHistory
 from vnav.masking.motion import REMEMBERED_S
+from vnav.masking.regions import widened
 from vnav.masking.view import Blocks, MaskedView, still
 from vnav.tracking.pose_choice import TrackedFrame
 
@@ -61,7 +62,7 @@ class SeenFrame:
 
     @cached_property
     def static(self) -> TrackedFrame:
-        """The frame without the features and the depth of what moves; the same if nothing does."""
+        """The frame without the depth of what moves, and features on or beside it."""
         if not self.moving.any():
             return self.frame
         frame = self.frame
@@ -75,8 +76,9 @@ class SeenFrame:
         )
 
     def _is_static(self, found: FrameFeatures) -> Blocks:
-        """Which features (N,) do not lie on what moves."""
-        return ~blocks_of(self.moving, found.features.keypoints_px, self.frame.camera.size)
+        """Which features (N,) are more than a block off what moves: its outline moves, too."""
+        beside = widened(self.moving)
+        return ~blocks_of(beside, found.features.keypoints_px, self.frame.camera.size)
 
 
 @dataclass(frozen=True)

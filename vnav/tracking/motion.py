@@ -26,6 +26,7 @@ class ConstantVelocity:
         self._step, self._step_s = np.eye(4), 0.0
         self._probability = 1.0  # of the step
         self._T_last_next = np.eye(4)
+        self._T_suggested: Array | None = None
 
     def predict(self, stamp_s: float) -> None:
         """Predict the motion to a frame of this time: the last step, longer after a gap."""
@@ -33,10 +34,18 @@ class ConstantVelocity:
         gap_s = stamp_s - self._last_s
         steps = gap_s / self._step_s if self._step_s > 0 else 1.0
         self._T_last_next = _scaled(self._step, float(np.clip(steps, 0.0, MAX_STEPS)))
+        self._T_suggested = None
 
     def replace_prediction(self, T_last_next: Array) -> None:
-        """Take a measured motion to the next frame for the predicted one, until `update`."""
+        """Take a measured motion to the next frame for the predicted one, until `predict`."""
         self._T_last_next = T_last_next
+
+    def suggest(self, T_last_next: Array) -> None:
+        """Expect the next frame where a motion takes it, too, and first of all; until `predict`.
+
+        That is where it is sought. How likely a pose is by itself stays as it was.
+        """
+        self._T_suggested = T_last_next
 
     def update(self, row: int, T_target_camera: dict[int, Array], probability: float = 1.0) -> None:
         """Add the next frame by its motions from earlier ones, by their rows, the best first.
@@ -64,9 +73,13 @@ class ConstantVelocity:
 
     @property
     def expected(self) -> list[Array]:
-        """Where the next frame is in the track: if the motion goes on, and if the camera rests."""
+        """Where the next frame is in the track, the likeliest first.
+
+        By a motion that was suggested, if the motion goes on, and if the camera rests.
+        """
         T_start_last = self._T_start_camera[self._last]
-        return [T_start_last @ self._T_last_next, T_start_last]
+        suggested = [] if self._T_suggested is None else [self._T_suggested]
+        return [T_start_last @ T for T in (*suggested, self._T_last_next)] + [T_start_last]
 
     def log_prior(self, T_start_next: Array) -> float:
         """How likely the next frame is there, as a log-density: 0 where the motion goes on.
@@ -77,7 +90,8 @@ class ConstantVelocity:
         if self._step_s <= 0:
             return 0.0
         gap_s = self._next_s - self._last_s
-        off = se3.deviation(se3.inverse(self.expected[0]) @ T_start_next)
+        T_start_likely = self._T_start_camera[self._last] @ self._T_last_next
+        off = se3.deviation(se3.inverse(T_start_likely) @ T_start_next)
         usual = np.array(ACCELERATIONS) * gap_s * (gap_s + self._step_s) / 2 + STEP_SIGMAS
         goes_on = 1 / float(np.prod(1 + (np.linalg.norm(off.reshape(2, 3), axis=1) / usual) ** 2))
         p = max(self._probability, 0.5)

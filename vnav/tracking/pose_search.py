@@ -12,7 +12,7 @@ from vnav.core.frame import PoseEstimate, Rejected
 from vnav.core.mapping import FrameFeatures
 from vnav.core.reduced_frame import ReducedFrame
 from vnav.features.matching import DescriptorMatcher
-from vnav.registration.dense import fitted_near
+from vnav.registration.dense import align_near, fitted_near
 from vnav.registration.followed_points import FollowedRegistration
 from vnav.registration.judge import refuted
 from vnav.registration.points3d import PointRegistration
@@ -83,6 +83,27 @@ class PoseSearch:
         others = {row: e for row, e in choice.alternatives.items() if row in found}
         return ChosenMotions(found, others)
 
+    def by_pixels(
+        self,
+        targets: Sequence[Target],
+        current: TrackedFrame,
+        choice: ChosenMotions,
+        expected: Sequence[Array],
+        log_prior: LogPrior = evenly_likely,
+    ) -> ChosenMotions:
+        """The choice again, after motions by all pixels were held against those of features.
+
+        They are sought from the first target, near the chosen pose and near those expected.
+        """
+        first, poses = targets[0], PoseChoice(targets, current.image, self._config, log_prior)
+        for target in targets:
+            poses.add(target, [e for row, e in choice.estimates.items() if row == target.row])
+        poses.suggest(expected)
+        for pose in poses.poses:
+            poses.add(first, self._aligned(first, current, pose))
+        poses.judge()
+        return poses.result()
+
     def _registered(
         self,
         target: Target,
@@ -113,6 +134,14 @@ class PoseSearch:
                 choice.add(target, near)
                 choice.drop(pose)
         choice.add(target, pair.among_twins(a, b, rng, predicted))
+
+    def _aligned(self, target: Target, current: TrackedFrame, pose: Array) -> list[PoseEstimate]:
+        """The motion near a pose by all pixels, which no feature bears out; none if few agree."""
+        images = target.frame.image, current.image
+        found = align_near(*images, self._config, target.motion(pose))
+        if isinstance(found, Rejected):
+            return []
+        return [PoseEstimate(found.T_a_b, found.information, np.zeros((0, 2), np.int32), 0)]
 
     def _seek_refuting(self, choice: PoseChoice, target: Target, current: TrackedFrame) -> None:
         """Suggest the pose by the part of the images that refutes the best, and so on with that."""

@@ -6,10 +6,10 @@ from vnav.config import Config
 from vnav.core import se3
 from vnav.core.arrays import Array
 from vnav.core.frame import Edge
-from vnav.tracking.feature_tracking import FeatureTracker
+from vnav.tracking.feature_tracking import FeatureTracker, is_doubtful
 from vnav.tracking.frame_masks import FinalFrame, FrameMasks, SeenFrame
 from vnav.tracking.motion import ConstantVelocity
-from vnav.tracking.pose_choice import ChosenMotions
+from vnav.tracking.pose_choice import ChosenMotions, TrackedFrame
 
 ROUNDS = 2  # of masks and motions
 
@@ -28,15 +28,14 @@ class SecondTracker:
     def track(self, final: FinalFrame, edges: Sequence[Edge]) -> ChosenMotions:
         """Motions to the next frame in the place of its edges; none where these stay.
 
-        They stay where neither its mask nor that of a frame that they are from has changed, and
-        where what is left matches nothing.
+        They stay where neither its mask nor that of a frame that they are from has changed.
         """
         seen = final.seen
         self._predict(seen)
         if final.is_changed:
             self._changed.add(seen.row)
         changed = self._changed & {seen.row, *(e.i for e in edges)}
-        choice = self._features.track_nearest(seen.static) if changed else ChosenMotions()
+        choice = self._tracked(seen.static) if changed else ChosenMotions()
         motions = {i: e.T_a_b for i, e in choice.estimates.items()}
         found = motions or {e.i: e.T_i_j for e in edges}
         likely = [e.probability for e in choice.estimates.values() or edges]
@@ -56,12 +55,17 @@ class SecondTracker:
         """Whether the frame that was tracked last is the first of its track."""
         return len(self._motion.poses) == 1
 
+    def _tracked(self, static: TrackedFrame) -> ChosenMotions:
+        """Motions by the features that are left, or by all pixels where these tell too little."""
+        choice = self._features.track_nearest(static)
+        return self._features.track_pixels(static, choice) if is_doubtful(choice) else choice
+
     def _predict(self, seen: SeenFrame) -> None:
-        """Expect the motion that was found before."""
+        """Expect the motion that was found before, or that of the frames before to go on."""
         self._motion.predict(seen.view.frame.stamp_s)
         if self._last is not None:
             T_track_last = self._last.view.T_track_camera
-            self._motion.replace_prediction(se3.inverse(T_track_last) @ seen.view.T_track_camera)
+            self._motion.suggest(se3.inverse(T_track_last) @ seen.view.T_track_camera)
         self._last = seen
 
 
