@@ -3,8 +3,9 @@ import dataclasses
 import numpy as np
 import pytest
 
+from vnav.core import se3
 from vnav.core.camera import Intrinsics
-from vnav.core.frame import Edge, Features, Frame, no_depth
+from vnav.core.frame import Edge, Features, Frame, PoseEstimate, no_depth
 from vnav.features.sift import SPACE
 
 CAMERA = Intrinsics(6, 4, 5.0, 5.0, 2.5, 1.5)
@@ -76,3 +77,13 @@ def test_an_edge_with_added_noise_has_both_noises() -> None:
     noisier = edge.with_added_noise(0.01, 0.02)
     added = np.repeat([0.01**2, 0.02**2], 3)
     np.testing.assert_allclose(np.diag(np.linalg.inv(noisier.information)), variances + added)
+
+
+def test_two_motions_fused_are_nearer_to_the_one_that_knows_more_in_each_direction() -> None:
+    none = np.zeros((0, 2), np.int32)
+    at_rest = PoseEstimate(np.eye(4), np.diag([1, 1, 1, 3e4, 1e4, 1e4]), none, 7)
+    ahead = PoseEstimate(se3.exp([0, 0, 0, 0.04, 0.04, 0]), 1e4 * np.eye(6), none, 0)
+    fused = at_rest.fused(ahead)
+    np.testing.assert_allclose(fused.T_a_b[:3, 3], [0.01, 0.02, 0], atol=1e-12)
+    np.testing.assert_allclose(fused.information, at_rest.information + ahead.information)
+    assert fused.matches == 7

@@ -44,3 +44,27 @@ def test_a_wall_and_the_floor_before_it_are_two_surfaces() -> None:
 def test_a_body_whose_edges_bend_outwards_is_one_surface() -> None:
     edge = numbers(2.0 + 0.6 * np.abs(RAY_X))  # towards the camera in the middle
     assert (edge == largest(edge)).mean() > 0.95
+
+
+def strip_between(width: int) -> np.ndarray:
+    """Depth of two halves of a plane that a strip of so many blocks' width joins."""
+    beside = np.abs(ROWS - SHAPE[0] / 2 + 0.5) > width / 2
+    gap = (COLUMNS >= 30) & (COLUMNS < 34) & beside
+    return np.where(gap, 0.0, 2.0)
+
+
+def test_what_is_joined_over_two_blocks_alone_is_not_one_surface() -> None:
+    found = numbers(strip_between(2), sigma=0.0)
+    assert not np.intersect1d(found[:, :30], found[:, 34:]).size
+    assert set(np.unique(found[:, 30:34])) <= {0, largest(found[:, :30]), largest(found[:, 34:])}
+
+
+def test_what_is_joined_over_six_blocks_is_one_surface() -> None:
+    found = numbers(strip_between(6), sigma=0.0)
+    assert largest(found[:, :30]) == largest(found[:, 34:])
+
+
+def test_a_narrow_part_has_the_number_of_the_surface_that_it_is_of() -> None:
+    arm = (COLUMNS < 30) | ((COLUMNS < 45) & (ROWS >= 20) & (ROWS < 22))
+    found = numbers(np.where(arm, 2.0, 0.0), sigma=0.0)
+    assert (found[arm] == largest(found)).all()

@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from vnav.core import se3
 from vnav.core.arrays import frozen
 from vnav.core.camera import Intrinsics
 from vnav.core.descriptor_space import DescriptorSpace
@@ -153,6 +154,13 @@ class PoseEstimate:
     def inlier_share(self) -> float:
         """Of the matches."""
         return self.agreeing / self.matches
+
+    def fused(self, other: "PoseEstimate") -> "PoseEstimate":
+        """The motion that this and another, independent one tell together, by their information."""
+        information = self.information + other.information
+        off = se3.deviation(se3.inverse(self.T_a_b) @ other.T_a_b)
+        T_a_b = self.T_a_b @ se3.exp(np.linalg.solve(information, other.information @ off))
+        return replace(self, T_a_b=T_a_b, information=information)
 
 
 @dataclass(frozen=True)

@@ -2,7 +2,8 @@
 
 A body that stands on a floor or against a wall meets it in an edge that is concave, and a body's
 own edges are mostly convex. So a surface is of one body, as in Ruenz, Buffier and Agapito 2018,
-"MaskFusion", section 5.2.
+"MaskFusion", section 5.2. Noise leaves gaps in such an edge, as between a heel and the floor. What
+joins two parts over less than three blocks does not make them one.
 """
 
 import numpy as np
@@ -13,6 +14,7 @@ from vnav.core.arrays import Array, Floats
 from vnav.core.reduced_frame import ReducedFrame
 
 STEP_M = 0.05  # between neighbours on one surface
+MAX_ENDS = 2  # of 12 joints between a block and those around it
 MIN_COSINE = 0.95  # of the normals on either side of what is no edge: 18 degrees
 
 
@@ -109,27 +111,65 @@ def _is_known(normals: Array, v: int, u: int) -> bool:
 
 @compiled
 def _numbered(joined: NDArray[np.bool_], inverse_depth: Floats) -> NDArray[np.int32]:
-    """Breadth first from block to block."""
-    height, width = inverse_depth.shape
-    numbers = np.zeros((height, width), np.int32)
-    queue, last = np.empty((height * width, 2), np.int64), 0
-    for first in range(height * width):
-        v, u = divmod(first, width)
-        if inverse_depth[v, u] == 0 or numbers[v, u] > 0:
-            continue
-        last += 1
-        numbers[v, u] = last
-        queue[0, 0], queue[0, 1] = v, u
-        begin, end = 0, 1
-        while begin < end:
-            v, u = queue[begin]
-            begin += 1
-            for dv, du in ((0, 1), (1, 0), (0, -1), (-1, 0)):
-                i, j = v + dv, u + du
-                if not (0 <= i < height and 0 <= j < width) or numbers[i, j] > 0:
-                    continue
-                if joined[min(v, i), min(u, j), abs(dv)]:
-                    numbers[i, j] = last
-                    queue[end, 0], queue[end, 1] = i, j
-                    end += 1
+    """By what is joined over more than two blocks; what is narrower is of what it begins at."""
+    numbers = np.zeros(inverse_depth.shape, np.int32)
+    known = inverse_depth > 0
+    _number(numbers, joined, known & _inner(joined))
+    _spread(numbers, joined, known, np.argwhere(numbers > 0))
+    _number(numbers, joined, known)
     return numbers
+
+
+@compiled
+def _inner(joined: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Blocks (h, w) about which nearly all neighbours are joined."""
+    height, width = joined.shape[:2]
+    inner = np.zeros((height, width), np.bool_)
+    for v in range(height):
+        for u in range(width):
+            ends = 0
+            for i in range(max(v - 1, 0), min(v + 2, height)):
+                for j in range(max(u - 1, 0), min(u + 2, width)):
+                    ends += i + 1 < min(v + 2, height) and not joined[i, j, 1]
+                    ends += j + 1 < min(u + 2, width) and not joined[i, j, 0]
+            inner[v, u] = ends <= MAX_ENDS
+    return inner
+
+
+@compiled
+def _number(
+    numbers: NDArray[np.int32], joined: NDArray[np.bool_], within: NDArray[np.bool_]
+) -> None:
+    """Give each connected part of the blocks within, as far as it has none, a number of its own."""
+    height, width = numbers.shape
+    last = numbers.max()
+    for v in range(height):
+        for u in range(width):
+            if within[v, u] and numbers[v, u] == 0:
+                last += 1
+                numbers[v, u] = last
+                _spread(numbers, joined, within, np.array([[v, u]]))
+
+
+@compiled
+def _spread(
+    numbers: NDArray[np.int32],
+    joined: NDArray[np.bool_],
+    within: NDArray[np.bool_],
+    begins: NDArray[np.intp],
+) -> None:
+    """Breadth first from blocks (N, 2) to those within that are joined and have no number."""
+    height, width = numbers.shape
+    queue, begin, end = np.empty((numbers.size, 2), np.int64), 0, len(begins)
+    queue[:end] = begins
+    while begin < end:
+        v, u = queue[begin]
+        begin += 1
+        for dv, du in ((0, 1), (1, 0), (0, -1), (-1, 0)):
+            i, j = v + dv, u + du
+            if not (0 <= i < height and 0 <= j < width) or numbers[i, j] > 0:
+                continue
+            if joined[min(v, i), min(u, j), abs(dv)] and within[i, j]:
+                numbers[i, j] = numbers[v, u]
+                queue[end, 0], queue[end, 1] = i, j
+                end += 1

@@ -156,12 +156,17 @@ class PoseChoice:
             self._known(pose)
 
     def add(self, target: Target, estimates: Sequence[PoseEstimate]) -> None:
-        """Add the poses that motions from a target lead to; of two to one pose the better."""
+        """Add the poses that motions from a target lead to; of two to one pose the better.
+
+        One that features bear out and one by pixels alone, which was there before, become one.
+        """
         row = target.row
         for estimate in estimates:
             pose = self._known(target.pose(estimate.T_a_b))
             known = pose.motions.get(row)
-            if known is None or known.agreeing < estimate.agreeing:
+            if known is not None and estimate.agreeing and not known.agreeing:
+                pose.motions[row] = estimate.fused(known)
+            elif known is None or known.agreeing < estimate.agreeing:
                 pose.motions[row] = estimate
 
     def missing(self, target: Target) -> list[Array]:

@@ -93,14 +93,17 @@ class PoseSearch:
     ) -> ChosenMotions:
         """The choice again, after motions by all pixels were held against those of features.
 
-        They are sought from the first target, near the chosen pose and near those expected.
+        They are sought from the first target, near the chosen pose and near those expected. Where
+        both lead to one pose, they tell the motion together.
         """
         first, poses = targets[0], PoseChoice(targets, current.image, self._config, log_prior)
-        for target in targets:
-            poses.add(target, [e for row, e in choice.estimates.items() if row == target.row])
+        chosen = [(t, choice.estimates[t.row]) for t in targets if t.row in choice.estimates]
+        poses.suggest([target.pose(estimate.T_a_b) for target, estimate in chosen])
         poses.suggest(expected)
         for pose in poses.poses:
             poses.add(first, self._aligned(first, current, pose))
+        for target, estimate in chosen:
+            poses.add(target, [estimate])
         poses.judge()
         return poses.result()
 

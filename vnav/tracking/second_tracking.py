@@ -12,6 +12,7 @@ from vnav.tracking.motion import ConstantVelocity
 from vnav.tracking.pose_choice import ChosenMotions, TrackedFrame
 
 ROUNDS = 2  # of masks and motions
+MAX_SIGMA_M = 0.0025  # of the translation by features, which all pixels may tell better
 
 
 class SecondTracker:
@@ -58,7 +59,11 @@ class SecondTracker:
     def _tracked(self, static: TrackedFrame) -> ChosenMotions:
         """Motions by the features that are left, or by all pixels where these tell too little."""
         choice = self._features.track_nearest(static)
-        return self._features.track_pixels(static, choice) if is_doubtful(choice) else choice
+        return (
+            self._features.track_pixels(static, choice)
+            if is_doubtful(choice, MAX_SIGMA_M)
+            else choice
+        )
 
     def _predict(self, seen: SeenFrame) -> None:
         """Expect the motion that was found before, or that of the frames before to go on."""
