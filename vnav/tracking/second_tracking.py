@@ -12,7 +12,7 @@ from vnav.tracking.motion import ConstantVelocity
 from vnav.tracking.pose_choice import ChosenMotions, TrackedFrame
 
 ROUNDS = 2  # of masks and motions
-MAX_SIGMA_M = 0.0025  # of the translation by features, which all pixels may tell better
+MAX_STATIC_SIGMA_M = 0.0025  # of the translation by features left, which pixels may tell better
 
 
 class SecondTracker:
@@ -29,7 +29,8 @@ class SecondTracker:
     def track(self, final: FinalFrame, edges: Sequence[Edge]) -> ChosenMotions:
         """Motions to the next frame in the place of its edges; none where these stay.
 
-        They stay where neither its mask nor that of a frame that they are from has changed.
+        They stay where neither its mask nor that of a frame that they are from has changed, and
+        where what is left tells none.
         """
         seen = final.seen
         self._predict(seen)
@@ -59,11 +60,9 @@ class SecondTracker:
     def _tracked(self, static: TrackedFrame) -> ChosenMotions:
         """Motions by the features that are left, or by all pixels where these tell too little."""
         choice = self._features.track_nearest(static)
-        return (
-            self._features.track_pixels(static, choice)
-            if is_doubtful(choice, MAX_SIGMA_M)
-            else choice
-        )
+        if not is_doubtful(choice, MAX_STATIC_SIGMA_M):
+            return choice
+        return self._features.track_pixels(static, choice)
 
     def _predict(self, seen: SeenFrame) -> None:
         """Expect the motion that was found before, or that of the frames before to go on."""
