@@ -115,7 +115,7 @@ def _numbered(joined: NDArray[np.bool_], inverse_depth: Floats) -> NDArray[np.in
     numbers = np.zeros(inverse_depth.shape, np.int32)
     known = inverse_depth > 0
     _number(numbers, joined, known & _inner(joined))
-    _spread(numbers, joined, known, np.argwhere(numbers > 0))
+    _flood(numbers, joined, known, np.argwhere(numbers > 0))
     _number(numbers, joined, known)
     return numbers
 
@@ -148,11 +148,11 @@ def _number(
             if within[v, u] and numbers[v, u] == 0:
                 last += 1
                 numbers[v, u] = last
-                _spread(numbers, joined, within, np.array([[v, u]]))
+                _flood(numbers, joined, within, np.array([[v, u]]))
 
 
 @compiled
-def _spread(
+def _flood(
     numbers: NDArray[np.int32],
     joined: NDArray[np.bool_],
     within: NDArray[np.bool_],
