@@ -35,8 +35,9 @@ def moved(regions: np.ndarray, ago_s: float = 0.0) -> np.ndarray:
     return np.where(regions, ago_s, np.inf).astype(np.float32)
 
 
-def votes(same: int = 0, free: int = 0) -> Votes:
-    return Votes(np.full(SHAPE, same, np.float32), np.full(SHAPE, free, np.float32))
+def votes(same: int = 0, seen_through: np.ndarray | None = None) -> Votes:
+    free = np.zeros(SHAPE) if seen_through is None else seen_through
+    return Votes(np.full(SHAPE, same, np.float32), free.astype(np.float32))
 
 
 def test_what_is_narrower_than_three_blocks_is_no_region() -> None:
@@ -55,13 +56,18 @@ def test_a_region_below_six_thousandths_of_the_image_is_no_body() -> None:
 
 
 def test_a_region_grows_over_its_body_and_stops_at_a_step_of_depth() -> None:
-    result = np.isfinite(grown(moved(blocks(SEED)), votes(), scene(3.0)))
+    result = np.isfinite(grown(moved(blocks(SEED)), votes(seen_through=blocks(SEED)), scene(3.0)))
     assert result[BODY].all()
     assert not result[~blocks(BODY)].any()
 
 
 def test_a_region_does_not_grow_into_what_many_have_seen_in_its_place() -> None:
-    result = np.isfinite(grown(moved(blocks(SEED)), votes(same=20), scene(2.01)))
+    result = np.isfinite(grown(moved(blocks(SEED)), votes(20, blocks(SEED)), scene(2.01)))
+    assert np.array_equal(result, blocks(SEED))
+
+
+def test_a_region_does_not_grow_over_a_surface_that_no_view_sees_through() -> None:
+    result = np.isfinite(grown(moved(blocks(SEED)), votes(), scene(3.0)))
     assert np.array_equal(result, blocks(SEED))
 
 
@@ -73,13 +79,13 @@ def test_a_surface_moves_as_a_whole_where_a_third_of_it_does() -> None:
 
 
 def test_what_a_region_grows_by_has_moved_when_the_region_has() -> None:
-    result = grown(moved(blocks(SEED), ago_s=1.5), votes(), scene(3.0))
+    result = grown(moved(blocks(SEED), ago_s=1.5), votes(0, blocks(SEED)), scene(3.0))
     assert (result[BODY] == 1.5).all()
 
 
 def test_a_small_region_does_not_grow() -> None:
     seed = blocks(np.s_[10:15, 30:35])
-    assert np.array_equal(np.isfinite(grown(moved(seed), votes(), scene(3.0))), seed)
+    assert np.array_equal(np.isfinite(grown(moved(seed), votes(0, seed), scene(3.0))), seed)
 
 
 def test_edges_without_depth_belong_to_the_region_they_border() -> None:

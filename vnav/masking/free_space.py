@@ -18,6 +18,7 @@ FITS = 2.0  # times the noise of two depths, by which views differ that fit
 COARSE = 2  # a region that is opened has a block of every so many rows and columns
 STRIDE = 2 * COARSE  # between the blocks that tell how well two views fit
 MIN_FITTED = 30  # such blocks
+ENOUGH = 1.0  # views that fit, or more that fit worse, see through what is not there
 SAME, FREE = range(2)
 
 
@@ -30,6 +31,11 @@ class Votes:
 
     same: Floats
     free: Floats
+
+    @property
+    def seen_through(self) -> Blocks:
+        """Blocks (h, w) whose surface is not there in other views, by enough of them."""
+        return np.asarray(self.free >= ENOUGH)
 
 
 def count_votes(

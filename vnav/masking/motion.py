@@ -20,7 +20,6 @@ from vnav.masking.regions import beside, bodies, completed, grown, joined, large
 from vnav.masking.view import MaskedView, PosedView, still
 from vnav.masking.warps import WARPS
 
-ENOUGH = 1.0  # views that fit, or more that fit worse, see through what is not there
 REMEMBERED_S = 3.0  # who has moved counts as moving for so long, and who will move
 
 
@@ -59,10 +58,10 @@ class MotionMask:
             return np.where(
                 large(opened(view.changed), self._min_blocks), np.float32(0), still(view)
             )
-        if np.isinf(carried).all() and not (self._votes(view, others, COARSE).free >= ENOUGH).any():
+        if np.isinf(carried).all() and not self._votes(view, others, COARSE).seen_through.any():
             return carried
         votes = self._votes(view, others)
-        regions = large(opened(votes.free >= ENOUGH), self._min_blocks)
+        regions = large(opened(votes.seen_through), self._min_blocks)
         moved_s = np.where(regions, np.float32(0), carried)
         if not bodies(np.isfinite(moved_s)).any():
             return still(view)

@@ -50,13 +50,15 @@ def beside(regions: Blocks, others: Blocks) -> Blocks:
 def grown(moved_s: Floats, votes: Votes, view: PosedView) -> Floats:
     """Blocks (h, w) that move, with the rest of the body that they are of, and its edges.
 
-    A block that many views have seen where it is and none has seen through is of no body that
-    moves, floor or wall, unless a third of its surface moves.
+    A surface that is seen through nowhere is of no body that moves: floor or wall beside a heel
+    that a mask has covered. Nor is a block that many views have seen where it is and none has seen
+    through. Both are, where a third of the surface moves.
     """
     may_move = (votes.same <= MAX_SAME) | (votes.free > 0)
     grows = bodies(np.isfinite(moved_s))
     block_rad = 1 / view.frame.intrinsics.fx
-    number = np.where(may_move | grows, view.surfaces, np.int32(0))
+    is_body = np.isin(view.surfaces, view.surfaces[votes.seen_through])
+    number = np.where((may_move & is_body) | grows, view.surfaces, np.int32(0))
     body = _flooded(grows, number, view.frame.inverse_depth, block_rad)
     return completed(joined(moved_s, body, view.surfaces), view)
 
