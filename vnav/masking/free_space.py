@@ -14,7 +14,7 @@ from vnav.masking.view import Blocks, PosedView
 MIN_Z_M = 0.05  # nothing is seen nearer than this
 SIGMAS = 4.0  # of the difference of two depths, that are not noise
 MEAN_OF_SIGMA = np.sqrt(2 / np.pi)  # mean absolute value of noise whose deviation is 1
-FITS = 2.0  # times the noise of two depths, by which views differ that fit
+FITS = 4.0  # times the noise of two depths, by which views differ that fit: a Kinect's, by 5
 COARSE = 2  # a region that is opened has a block of every so many rows and columns
 STRIDE = 2 * COARSE  # between the blocks that tell how well two views fit
 MIN_FITTED = 30  # such blocks
@@ -51,8 +51,9 @@ def count_votes(
     farther by more than the noise and the margin: a misalignment of one block changes nothing.
     The noise is the sensor's, or more where surfaces that both see differ by more: then a pose is
     not exact, or depth is late. Where a view has no depth, where something hides the surface, and
-    beyond the image it has no vote. Views have one camera; none give no votes. With a step, 1 or
-    `COARSE`, only blocks of every so many rows and columns are asked; they have the same votes.
+    beyond the image it has no vote; nor has a view of which next to nothing fits. Views have one
+    camera; none give no votes. With a step, 1 or `COARSE`, only blocks of every so many rows and
+    columns are asked; they have the same votes.
     """
     votes = np.zeros((2, *view.frame.grey.shape), np.float32)
     sigma = np.sqrt(2) * sigma_per_m2
@@ -60,6 +61,8 @@ def count_votes(
         places, expected = places_in(other, view, view.frame.inverse_depth, step)
         depths = other.frame.inverse_depth, other.nearest, other.farthest
         noise = _difference(places, expected, *depths, SIGMAS * sigma, margin_m) / MEAN_OF_SIGMA
+        if np.isinf(noise):
+            continue
         weight = min(1.0, (FITS * sigma / noise) ** 2) if noise > 0 else 1.0
         noise = SIGMAS * max(sigma, noise)
         _add_votes(votes, weight, places, expected, *depths[1:], other.clear, noise, margin_m)
@@ -114,11 +117,11 @@ def _difference(
 ) -> float:
     """Mean absolute difference of inverse depth on smooth surfaces that both views see.
 
-    0 where they share too few.
+    0 where they share too few; infinity where enough do not fit.
     """
     height, width = places.shape
     depth_of, nearest_of, farthest_of = inverse_depth.ravel(), nearest.ravel(), farthest.ravel()
-    total, found = 0.0, 0
+    total, shared, fitted = 0.0, 0, 0
     for v in range(0, height, STRIDE):
         for u in range(0, width, STRIDE):
             place = places[v, u]
@@ -126,10 +129,14 @@ def _difference(
                 continue
             tolerance = noise + margin_m * expected[v, u] * depth_of[place]
             off = abs(expected[v, u] - depth_of[place])
-            if nearest_of[place] - farthest_of[place] < tolerance and off < tolerance:
-                total += off
-                found += 1
-    return total / found if found >= MIN_FITTED else 0.0
+            if nearest_of[place] - farthest_of[place] < tolerance:
+                shared += 1
+                if off < tolerance:
+                    total += off
+                    fitted += 1
+    if shared < MIN_FITTED:
+        return 0.0
+    return total / fitted if fitted >= MIN_FITTED else np.inf
 
 
 @compiled
