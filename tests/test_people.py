@@ -185,8 +185,8 @@ def test_who_rests_for_long_is_not_among_the_moving(people: Peopled) -> None:
     resting = people.walkers[0].stroll
     long = replace(resting, knots=np.repeat(resting.knots[:1], len(resting.knots), 0))
     calm = replace(people, walkers=(replace(people.walkers[0], stroll=long), people.walkers[1]))
-    assert all(numbers in ([2], []) for numbers in moving_around(calm, TIMES_S))
-    assert [2] in moving_around(calm, TIMES_S)
+    assert all(numbers in ([2], []) for numbers in moving_around(calm.walkers, TIMES_S))
+    assert [2] in moving_around(calm.walkers, TIMES_S)
 
 
 def test_the_share_is_that_of_the_pixels(people: Peopled) -> None:
@@ -197,7 +197,7 @@ def test_the_share_is_that_of_the_pixels(people: Peopled) -> None:
 
 def test_what_a_place_covers_is_foreseen_and_others_are_allowed_for(people: Peopled) -> None:
     net, T = net_of(people.scene), camera_poses(people, SPEC)[20]
-    sight = sight_of(people.scene, net, CAMERA, T)
+    sight = sight_of(people.scene.render_depth(CAMERA, T), net, CAMERA, T)
     alone, first = covered(sight, [])
     assert alone == 0
     node = np.array(np.unravel_index(first.argmax(), first.shape))

@@ -1,5 +1,6 @@
 """The truth about who is seen where: a mask of every frame, and who moves around that time."""
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import cv2
@@ -7,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vnav.core.camera import Intrinsics
-from vnav.synthetic.people import Peopled
+from vnav.synthetic.people import Peopled, Walker
 
 AROUND_S = 3.0  # who moves this much before or after counts as moving
 SAMPLE_S = 0.1
@@ -27,7 +28,7 @@ def write_masks(
     has a mask's name and the numbers of those who move within AROUND_S of that frame.
     """
     (folder / MASKS).mkdir()
-    moving = moving_around(people, times_s)
+    moving = moving_around(people.walkers, times_s)
     lines = ["# mask, walkers who move within 3 s before or after"]
     for k, (T, t_s) in enumerate(zip(T_world_camera, times_s, strict=True)):
         name = f"{k:06d}.png"
@@ -36,10 +37,10 @@ def write_masks(
     (folder / MOVING).write_text("\n".join(lines) + "\n", "utf-8")
 
 
-def moving_around(people: Peopled, times_s: NDArray[np.float64]) -> list[list[int]]:
+def moving_around(walkers: Sequence[Walker], times_s: NDArray[np.float64]) -> list[list[int]]:
     """Numbers of those who move within AROUND_S of each time, while the capture lasts."""
     samples = np.arange(times_s[0], times_s[-1] + SAMPLE_S, SAMPLE_S)
-    moves = [walker.stroll.moves_at for walker in people.walkers]
+    moves = [walker.stroll.moves_at for walker in walkers]
     table = np.array([[move(t) for move in moves] for t in samples.tolist()])
     near = np.abs(times_s[:, None] - samples) <= AROUND_S
     return [(np.flatnonzero(table[row].any(0)) + 1).tolist() for row in near]

@@ -101,7 +101,7 @@ def peopled(
     schedules = [schedule(len(T) - 1, n % 2 == 1, rng) for n in range(count)]
     wave = 1 + WAVE * np.sin(2 * np.pi * (np.arange(len(T)) * STEP_S / WAVE_S + rng.random()))
     net = net_of(scene)
-    sights = [sight_of(scene, net, view, pose) for pose in T]
+    sights = [sight_of(scene.render_depth(view, pose), net, view, pose) for pose in T]
     found, aim = [], share
     for _ in range(TRIES):
         strolls = draw_strolls(net, sights, T[:, :2, 3], aim * wave / wave.mean(), schedules)

@@ -1,12 +1,13 @@
 """Where people can stand and sit in a scene."""
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from vnav.core.grid import FREE
+from vnav.core.grid import FREE, Grid
 from vnav.synthetic.scene import Box, Scene
 
 Array = NDArray[np.float64]
@@ -39,9 +40,15 @@ class Net:
 
 def net_of(scene: Scene) -> Net:
     """The net of a scene; CLEARANCE_M from all that stands in it."""
-    grid = scene.grid(GRID_M, *BODY_M)
-    room = cv2.distanceTransform((grid.cells == FREE).astype(np.uint8), cv2.DIST_L2, 5) * GRID_M
-    x0, y0, x1, y1, _ = scene.bounds
+    net = net_on(scene.grid(GRID_M, *BODY_M), scene.bounds)
+    return replace(net, seats=_seats(scene, net.xy))
+
+
+def net_on(grid: Grid, bounds: Sequence[float]) -> Net:
+    """A net without seats within x0, y0, x1, y1, CLEARANCE_M from what is not free in a grid."""
+    free = (grid.cells == FREE).astype(np.uint8)
+    room = cv2.distanceTransform(free, cv2.DIST_L2, 5) * grid.resolution_m
+    x0, y0, x1, y1 = bounds[:4]
     x, y = np.arange(x0, x1, NET_M) + NET_M / 2, np.arange(y0, y1, NET_M) + NET_M / 2
     xy = np.stack(np.meshgrid(x, y), -1)
 
@@ -51,7 +58,7 @@ def net_of(scene: Scene) -> Net:
 
     back = -NET_M * MOVES[:, None, None, ::-1]
     along = [clear(xy + share * back) for share in np.linspace(0, 1, 6)]
-    return Net(xy, clear(xy), np.all(along, 0), _seats(scene, xy))
+    return Net(xy, clear(xy), np.all(along, 0), np.full((*xy.shape[:2], 3), np.nan))
 
 
 def _seats(scene: Scene, xy: Array) -> Array:

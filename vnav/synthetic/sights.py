@@ -10,7 +10,6 @@ from vnav.compiled import compiled
 from vnav.core import se3
 from vnav.core.camera import Intrinsics
 from vnav.synthetic.places import Net
-from vnav.synthetic.scene import Scene
 
 Array = NDArray[np.float64]
 WIDTH_M, HEIGHT_M = 0.42, 1.7  # of the rectangle, which faces the camera
@@ -31,9 +30,10 @@ class Sight:
     z_m: Array
 
 
-def sight_of(scene: Scene, net: Net, view: Intrinsics, T_world_camera: Array) -> Sight:
-    """What the camera sees from there."""
-    depth_m = scene.render_depth(view, T_world_camera).astype(float)
+def sight_of(
+    depth_m: NDArray[np.float32], net: Net, view: Intrinsics, T_world_camera: Array
+) -> Sight:
+    """What the camera sees from there, where the scene without anybody has such depth (H, W)."""
     right = T_world_camera[:2, 0] / np.hypot(*T_world_camera[:2, 0])
     corners = [
         np.dstack([net.xy + side * WIDTH_M / 2 * right, np.full(net.free.shape, z)])
@@ -46,7 +46,7 @@ def sight_of(scene: Scene, net: Net, view: Intrinsics, T_world_camera: Array) ->
     px = np.clip(np.rint(view.project(points)), 0, view.size).astype(np.int64)
     box = np.concatenate([px.min(0), px.max(0)], -1)
     box[(z_m < NEAREST_M) | ~net.free] = 0
-    return Sight(np.where(depth_m > 0, depth_m, np.inf), box, z_m)
+    return Sight(np.where(depth_m > 0, depth_m.astype(float), np.inf), box, z_m)
 
 
 def covered(sight: Sight, others: Iterable[NDArray[np.intp]]) -> tuple[float, Array]:

@@ -1,0 +1,287 @@
+"""Recordings with people composed into them: a real sensor's noise, and what moves at true places.
+
+    python benchmarks/composed.py OUT CAPTURE... [--walkers 4] [--share 0.4] [--above 1.3]
+
+writes each capture, whose truth has z up and the floor at 0, to OUT/captures as it is read, without
+and with walkers, and maps both to OUT/maps, each once. Walkers are hidden by what the recording
+measured before them, hide what is behind, and leave a Kinect's shadow in its depth. They keep off
+what is higher than ``--above``, and stand in what is lower: in the view, behind the edge of a
+desk. The share is what they aim at; what they cover is told. Masks are those of the map's poses.
+Exit code 1 where something wanted is missed.
+"""
+
+import argparse
+import sys
+from collections.abc import Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, replace
+from functools import cached_property
+from pathlib import Path
+
+import cv2
+import numpy as np
+from accuracy import built
+from masks import measure as measure_masks
+from numpy.typing import NDArray
+from people import held_against, of_trajectory
+from recording import Measurement, add_record_option, conclude
+from scipy.spatial.transform import Rotation, Slerp
+
+from vnav.config import Config
+from vnav.core import se3
+from vnav.core.arrays import Array
+from vnav.core.frame import Frame
+from vnav.core.grid import FREE, OCCUPIED, Grid
+from vnav.io.sources.capture import Capture
+from vnav.io.sources.open_capture import open_capture, read_truth
+from vnav.synthetic.crowd import draw_strolls
+from vnav.synthetic.figure import dressed
+from vnav.synthetic.masks import MASKS, MOVING, moving_around
+from vnav.synthetic.people import Moment, Walker
+from vnav.synthetic.places import GRID_M, Net, net_on
+from vnav.synthetic.raycast import Rectangles, pyramids
+from vnav.synthetic.rendered_capture import UNITS_PER_METRE
+from vnav.synthetic.sensor import Sensor, measured_depth
+from vnav.synthetic.sights import sight_of
+from vnav.synthetic.strolls import STEP_S, schedule
+
+HEAD_M = 1.9
+STEP_PX = 8  # of the view in which they look for their ways
+MIN_POINTS = 3  # of a cell of the grid in which something stands
+EXPOSURE_S = (-0.008, -0.004, 0.0, 0.004, 0.008)  # moments of which colour is the mean
+LIGHT, COLOR_SIGMA = 0.85, 3.0  # of the walkers, as of the room
+SENSOR = Sensor()
+Depth = NDArray[np.float32]
+Pixels = NDArray[np.uint8]
+
+
+@dataclass(frozen=True)
+class Recording:
+    """A capture and its true way through a world with z up and the floor at 0."""
+
+    capture: Capture
+    stamps_s: Array  # of the truth, and its poses
+    T_world_camera: Array
+
+    @classmethod
+    def of(cls, folder: Path) -> "Recording":
+        """A capture's folder with groundtruth.txt in it."""
+        truth = read_truth(folder, Config().capture)
+        return cls(open_capture(folder, Config().capture), truth.stamps_s, truth.T_world_camera)
+
+    def pose(self, stamp_s: float) -> Array:
+        """T_world_camera at a time, between those of the truth; its ends are kept beyond."""
+        t = min(max(stamp_s, self.stamps_s[0]), self.stamps_s[-1])
+        R = self._turns(t).as_matrix()
+        at = [np.interp(t, self.stamps_s, self.T_world_camera[:, k, 3]) for k in range(3)]
+        return se3.make(R, np.array(at))
+
+    def frame_at(self, stamp_s: float) -> Frame:
+        """The frame nearest in time."""
+        return self.capture.read(int(np.abs(self.capture.stamps_s - stamp_s).argmin()))
+
+    @cached_property
+    def _turns(self) -> Slerp:
+        return Slerp(self.stamps_s, Rotation.from_matrix(self.T_world_camera[:, :3, :3]))
+
+
+def filled(depth_m: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Depth (H, W), where there is none that of the nearest pixel with some."""
+    hole = depth_m <= 0
+    if not hole.any() or hole.all():
+        return np.where(hole, np.float32(SENSOR.max_depth_m), depth_m)
+    kind = cv2.DIST_LABEL_PIXEL
+    _, label = cv2.distanceTransformWithLabels(hole.astype(np.uint8), cv2.DIST_L2, 5, None, kind)
+    values = np.zeros(label.max() + 1, np.float32)
+    values[label[~hole]] = depth_m[~hole]
+    return np.asarray(values[label])
+
+
+def net_of(recording: Recording, times_s: Array, above_m: float) -> Net:
+    """Where nothing that the recording saw stands between a height and that of a head."""
+    clouds = []
+    for t in times_s:
+        frame = recording.frame_at(t)
+        v, u = np.nonzero(frame.depth_m)
+        points = frame.intrinsics.unproject(np.stack([u, v], -1), frame.depth_m[v, u])[::31]
+        clouds.append(se3.transform(recording.pose(t), points))
+    points = np.concatenate(clouds)
+    low, high = points[:, :2].min(0), points[:, :2].max(0)
+    counts = np.zeros(np.ceil((high - low) / GRID_M).astype(int)[::-1] + 1, int)
+    tall = points[(points[:, 2] > above_m) & (points[:, 2] < HEAD_M), :2]
+    np.add.at(counts, tuple(((tall - low) / GRID_M).astype(int)[:, ::-1].T), 1)
+    cells = np.where(counts < MIN_POINTS, FREE, OCCUPIED).astype(np.uint8)
+    return net_on(Grid((low[0], low[1]), GRID_M, cells), [*low, *high])
+
+
+def walkers_in(recording: Recording, asked: argparse.Namespace) -> list[Walker]:
+    """People whose ways cover about the share of the view that is asked for."""
+    stamps_s, rng = recording.capture.stamps_s, np.random.default_rng([asked.seed, 6])
+    times_s = np.arange(stamps_s[0], stamps_s[-1] + STEP_S, STEP_S)
+    net = net_of(recording, times_s, asked.above)
+    poses = [recording.pose(t) for t in times_s]
+    camera = recording.capture.camera.color
+    view = camera.scaled(camera.width // STEP_PX, camera.height // STEP_PX)
+    sights = [
+        sight_of(filled(recording.frame_at(t).depth_m)[::STEP_PX, ::STEP_PX], net, view, pose)
+        for t, pose in zip(times_s, poses, strict=True)
+    ]
+    figures = [dressed(rng, (asked.seed, 7, n)) for n in range(asked.walkers)]
+    schedules = [schedule(len(times_s) - 1, False, rng) for _ in figures]
+    wanted = np.full(len(times_s), asked.share)
+    strolls = draw_strolls(net, sights, np.array(poses)[:, :2, 3], wanted, schedules)
+    return list(map(Walker, figures, strolls))
+
+
+class Composer:
+    """Draws walkers into the frames of a recording."""
+
+    def __init__(self, recording: Recording, walkers: Sequence[Walker], seed: int) -> None:
+        self._recording, self._walkers, self._seed = recording, walkers, seed
+        images = [image for walker in walkers for image in walker.figure.images()]
+        self._textures = pyramids(images) if images else None
+
+    def frame(self, row: int) -> tuple[Frame, Pixels]:
+        """A frame with everybody in it, and whose (H, W) its pixels are."""
+        frame = self._recording.capture.read(row)
+        owner = np.zeros(frame.depth_m.shape, np.uint8)
+        if self._textures is None:
+            return frame, owner
+        rng, behind_m = np.random.default_rng([self._seed, 3, row]), filled(frame.depth_m)
+        color = self._color(frame, behind_m, rng)
+        depth_m = self._depth(frame, behind_m, rng)
+        moment, pose = self._at(frame.stamp_s), self._recording.pose(frame.stamp_s)
+        before = self._before(moment, pose, frame, behind_m)[0]
+        owner[before] = moment.render_walkers(frame.intrinsics, pose)[before]
+        return replace(frame, color=color, depth_m=depth_m), owner
+
+    def _at(self, stamp_s: float) -> Moment:
+        """Everybody at a time, without the room."""
+        t_s = stamp_s - self._recording.capture.stamps_s[0]
+        parts = [walker.at(t_s) for walker in self._walkers]
+        owner = np.repeat(np.arange(len(parts)) + 1, [len(part.corner) for part in parts])
+        names = "corner", "u_edge", "v_edge"
+        faces = (np.concatenate([getattr(part, name) for part in parts]) for name in names)
+        return Moment(Rectangles(*faces), self._textures, owner.astype(np.uint8))
+
+    def _before(
+        self, moment: Moment, pose: Array, frame: Frame, behind_m: Depth
+    ) -> tuple[NDArray[np.bool_], Depth]:
+        """Where somebody stands before the room, and the depth there."""
+        depth_m = moment.render_depth(frame.intrinsics, pose)
+        return (depth_m > 0) & (depth_m < behind_m), depth_m
+
+    def _color(self, frame: Frame, behind_m: Depth, rng: np.random.Generator) -> Pixels:
+        """The mean over the exposure."""
+        total = np.zeros(frame.color.shape, np.float32)
+        for after_s in EXPOSURE_S:
+            stamp_s = frame.stamp_s + after_s
+            moment, pose = self._at(stamp_s), self._recording.pose(stamp_s)
+            before, _ = self._before(moment, pose, frame, behind_m)
+            color = LIGHT * moment.render_color(frame.intrinsics, pose)
+            color += COLOR_SIGMA * rng.standard_normal(color.shape)
+            total += np.where(before[..., None], color, frame.color)
+        return np.clip(np.rint(total / len(EXPOSURE_S)), 0, 255).astype(np.uint8)
+
+    def _depth(self, frame: Frame, behind_m: Depth, rng: np.random.Generator) -> Depth:
+        """What the sensor measures of walkers, and what it still measures of the room."""
+        stamp_s = frame.stamp_s + frame.depth_after_s
+        before, depth_m = self._before(
+            self._at(stamp_s), self._recording.pose(stamp_s), frame, behind_m
+        )
+        both_m = np.where(before, depth_m, behind_m)
+        measured_m = measured_depth(both_m, frame.intrinsics, SENSOR, rng)
+        beside = cv2.dilate(before.astype(np.uint8), np.ones((5, 5), np.uint8)) > 0
+        room_m = np.where(beside & (measured_m == 0), 0, frame.depth_m)
+        found = np.where(before, measured_m, room_m)
+        found[in_shadow(both_m) & ~in_shadow(behind_m)] = 0
+        return np.asarray(found, np.float32)
+
+
+def in_shadow(depth_m: Depth) -> NDArray[np.bool_]:
+    """Pixels (H, W) that a Kinect's projector, beside the camera, does not reach."""
+    height, width = depth_m.shape
+    disparity = SENSOR.focal_baseline_px_m / np.maximum(depth_m, SENSOR.min_depth_m)
+    column = np.rint(np.arange(width) + disparity).astype(int)
+    row = np.broadcast_to(np.arange(height)[:, None], column.shape)
+    nearest = np.full((height, column.max() + 1), np.inf, np.float32)
+    np.minimum.at(nearest, (row, column), depth_m)
+    nearest = cv2.erode(nearest, np.ones((1, 3), np.uint8))
+    return np.asarray(depth_m > (1 + SENSOR.edge_jump) * nearest[row, column])
+
+
+def write(folder: Path, recording: Recording, walkers: Sequence[Walker], seed: int) -> None:
+    """A capture of the recording's frames, as they are read, with walkers and the truth of them."""
+    capture, composer = recording.capture, Composer(recording, walkers, seed)
+    for name in ("rgb", "depth", f"truth/{MASKS}"):
+        (folder / name).mkdir(parents=True)
+
+    def written(row: int) -> tuple[str, str]:
+        frame, owner = composer.frame(row)
+        color = f"rgb/{frame.stamp_s:.6f}.jpg"
+        depth = f"depth/{frame.stamp_s + frame.depth_after_s:.6f}.png"
+        quality = [cv2.IMWRITE_JPEG_QUALITY, SENSOR.jpeg_quality]
+        cv2.imwrite(str(folder / color), np.ascontiguousarray(frame.color[..., ::-1]), quality)
+        units = np.rint(frame.depth_m * UNITS_PER_METRE).astype(np.uint16)
+        cv2.imwrite(str(folder / depth), units)
+        cv2.imwrite(str(folder / "truth" / MASKS / f"{row:06d}.png"), owner)
+        return color, depth
+
+    with ThreadPoolExecutor() as pool:
+        names = list(pool.map(written, range(len(capture))))
+    for file, images in zip(("rgb.txt", "depth.txt"), zip(*names, strict=True), strict=True):
+        lines = [f"{Path(image).stem} {image}" for image in images]
+        (folder / file).write_text("\n".join(lines) + "\n", "utf-8")
+    poses = np.hstack([recording.T_world_camera[:, :3, 3], se3.quat_xyzw(recording.T_world_camera)])
+    truth = np.column_stack([recording.stamps_s, poses])
+    np.savetxt(folder / "groundtruth.txt", truth, "%.6f")
+    moving = moving_around(walkers, capture.stamps_s - capture.stamps_s[0]) if walkers else []
+    lines = [" ".join([f"{row:06d}.png", *map(str, who)]) for row, who in enumerate(moving)]
+    (folder / "truth" / MOVING).write_text("\n".join(["# mask, who moves", *lines]) + "\n")
+    K = capture.read(0).intrinsics
+    fields = ("width", "height", "fx", "fy", "cx", "cy")
+    color = "".join(f"{name} = {getattr(K, name)}\n" for name in fields)
+    depth = f"[depth]\nunits_per_metre = {UNITS_PER_METRE}\n"
+    (folder / "camera.toml").write_text(f"[color]\n{color}\n{depth}", "utf-8")
+
+
+def measure(source: Path, asked: argparse.Namespace) -> Iterator[Measurement]:
+    """Maps of a recording without and with walkers, and the masks of the latter."""
+    recording, alone = Recording.of(source), list[Measurement]()
+    maps = asked.out / "maps"
+    for who, name in (
+        ("no people", f"{source.name}_alone"),
+        ("people", f"{source.name}_people{asked.walkers}_seed{asked.seed}"),
+    ):
+        capture = asked.out / "captures" / name
+        if not capture.is_dir():
+            draft = capture.with_name(f"{name}.draft")
+            write(draft, recording, walkers_in(recording, asked) if alone else [], asked.seed)
+            draft.rename(capture)
+        built(capture, maps / name)
+        trajectory = maps / name / "optimise" / "trajectory_0.tum"
+        found, _ = of_trajectory(name, f"vnav, {who}", capture, trajectory)
+        yield from held_against(alone, found) if alone else found
+        if alone:
+            yield from measure_masks(capture, maps, Config())
+        alone = alone or found
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
+    parser.add_argument("out", type=Path, help="of captures and maps, which are made once")
+    parser.add_argument("captures", nargs="+", type=Path, help="each with a groundtruth.txt")
+    parser.add_argument("--walkers", type=int, default=4)
+    parser.add_argument("--share", type=float, default=0.4, help="of the view, that they aim at")
+    parser.add_argument("--above", type=float, default=1.3, help="metres: what they keep off")
+    parser.add_argument("--seed", type=int, default=1)
+    add_record_option(parser)
+    asked = parser.parse_args(arguments)
+    for name in ("captures", "maps"):
+        (asked.out / name).mkdir(parents=True, exist_ok=True)
+    found = [m for source in asked.captures for m in measure(source, asked)]
+    return conclude("composed", found, asked, arguments)
+
+
+if __name__ == "__main__":
+    sys.exit(main())
