@@ -87,6 +87,7 @@ bench-real: setup
 	-$(BIN)/python benchmarks/handheld.py bench/handheld --still ../shared/captures/house --record
 	-$(BIN)/python benchmarks/people.py bench/people --record
 	-$(BIN)/python benchmarks/among_people.py bench/people --record
+	-$(BIN)/python benchmarks/composed.py bench/composed $(DESK) --record
 	-$(BIN)/python benchmarks/short_range.py bench/short_range --record
 	-$(BIN)/python benchmarks/verdicts.py bench/verdicts --record
 	$(BIN)/python benchmarks/broken_odometry.py bench/maps/house ../shared/captures/house --record
