@@ -46,15 +46,6 @@ def test_a_view_whose_surfaces_do_not_fit_counts_for_less_than_one() -> None:
     assert does_not.max() == pytest.approx(share, rel=0.2)
 
 
-def test_a_view_of_which_nothing_fits_has_no_vote() -> None:
-    view, other = views(0.0, None)
-    ahead = np.eye(4)
-    ahead[2, 3] = 0.3  # at the wall: twice what the noise and the margin allow
-    votes = count_votes(view, [replace(other, T_track_camera=ahead)], SIGMA, MARGIN_M)
-    assert not votes.same.any()
-    assert not votes.free.any()
-
-
 def test_what_others_see_as_near_as_they_fit_is_not_seen_through() -> None:
     view, other = views(0.0, 0.0)
     ahead = np.eye(4)

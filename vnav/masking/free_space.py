@@ -51,9 +51,8 @@ def count_votes(
     farther by more than the noise and the margin: a misalignment of one block changes nothing.
     The noise is the sensor's, or more where surfaces that both see differ by more: then a pose is
     not exact, or depth is late. Where a view has no depth, where something hides the surface, and
-    beyond the image it has no vote; nor has a view of which next to nothing fits. Views have one
-    camera; none give no votes. With a step, 1 or `COARSE`, only blocks of every so many rows and
-    columns are asked; they have the same votes.
+    beyond the image it has no vote. Views have one camera; none give no votes. With a step, 1 or
+    `COARSE`, only blocks of every so many rows and columns are asked; they have the same votes.
     """
     votes = np.zeros((2, *view.frame.grey.shape), np.float32)
     sigma = np.sqrt(2) * sigma_per_m2
@@ -61,8 +60,6 @@ def count_votes(
         places, expected = places_in(other, view, view.frame.inverse_depth, step)
         depths = other.frame.inverse_depth, other.nearest, other.farthest
         noise = _difference(places, expected, *depths, SIGMAS * sigma, margin_m) / MEAN_OF_SIGMA
-        if np.isinf(noise):
-            continue
         weight = min(1.0, (FITS * sigma / noise) ** 2) if noise > 0 else 1.0
         noise = SIGMAS * max(sigma, noise)
         _add_votes(votes, weight, places, expected, *depths[1:], other.clear, noise, margin_m)
@@ -117,11 +114,11 @@ def _difference(
 ) -> float:
     """Mean absolute difference of inverse depth on smooth surfaces that both views see.
 
-    0 where they share too few; infinity where enough do not fit.
+    0 where they share too few.
     """
     height, width = places.shape
     depth_of, nearest_of, farthest_of = inverse_depth.ravel(), nearest.ravel(), farthest.ravel()
-    total, shared, fitted = 0.0, 0, 0
+    total, found = 0.0, 0
     for v in range(0, height, STRIDE):
         for u in range(0, width, STRIDE):
             place = places[v, u]
@@ -129,14 +126,10 @@ def _difference(
                 continue
             tolerance = noise + margin_m * expected[v, u] * depth_of[place]
             off = abs(expected[v, u] - depth_of[place])
-            if nearest_of[place] - farthest_of[place] < tolerance:
-                shared += 1
-                if off < tolerance:
-                    total += off
-                    fitted += 1
-    if shared < MIN_FITTED:
-        return 0.0
-    return total / fitted if fitted >= MIN_FITTED else np.inf
+            if nearest_of[place] - farthest_of[place] < tolerance and off < tolerance:
+                total += off
+                found += 1
+    return total / found if found >= MIN_FITTED else 0.0
 
 
 @compiled
