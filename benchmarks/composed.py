@@ -81,6 +81,17 @@ class Recording:
         return self.capture.read(int(np.abs(self.capture.stamps_s - stamp_s).argmin()))
 
     @cached_property
+    def times_s(self) -> Array:
+        """Every STEP_S of the capture, and beyond its end."""
+        stamps_s = self.capture.stamps_s
+        return np.arange(stamps_s[0], stamps_s[-1] + STEP_S, STEP_S)
+
+    @cached_property
+    def measured(self) -> NDArray[np.bool_]:
+        """Pixels (H, W) that ever have depth: a registered depth image has a border without."""
+        return np.any([self.frame_at(t).depth_m > 0 for t in self.times_s], 0)
+
+    @cached_property
     def _turns(self) -> Slerp:
         return Slerp(self.stamps_s, Rotation.from_matrix(self.T_world_camera[:, :3, :3]))
 
@@ -97,10 +108,10 @@ def filled(depth_m: NDArray[np.float32]) -> NDArray[np.float32]:
     return np.asarray(values[label])
 
 
-def net_of(recording: Recording, times_s: Array, above_m: float) -> Net:
+def net_of(recording: Recording, above_m: float) -> Net:
     """Where nothing that the recording saw stands between a height and that of a head."""
     clouds = []
-    for t in times_s:
+    for t in recording.times_s:
         frame = recording.frame_at(t)
         v, u = np.nonzero(frame.depth_m)
         points = frame.intrinsics.unproject(np.stack([u, v], -1), frame.depth_m[v, u])[::31]
@@ -116,9 +127,8 @@ def net_of(recording: Recording, times_s: Array, above_m: float) -> Net:
 
 def walkers_in(recording: Recording, asked: argparse.Namespace) -> list[Walker]:
     """People whose ways cover about the share of the view that is asked for."""
-    stamps_s, rng = recording.capture.stamps_s, np.random.default_rng([asked.seed, 6])
-    times_s = np.arange(stamps_s[0], stamps_s[-1] + STEP_S, STEP_S)
-    net = net_of(recording, times_s, asked.above)
+    times_s, rng = recording.times_s, np.random.default_rng([asked.seed, 6])
+    net = net_of(recording, asked.above)
     poses = [recording.pose(t) for t in times_s]
     camera = recording.capture.camera.color
     view = camera.scaled(camera.width // STEP_PX, camera.height // STEP_PX)
@@ -194,7 +204,7 @@ class Composer:
         beside = cv2.dilate(before.astype(np.uint8), np.ones((5, 5), np.uint8)) > 0
         room_m = np.where(beside & (measured_m == 0), 0, frame.depth_m)
         found = np.where(before, measured_m, room_m)
-        found[in_shadow(both_m) & ~in_shadow(behind_m)] = 0
+        found[~self._recording.measured | (in_shadow(both_m) & ~in_shadow(behind_m))] = 0
         return np.asarray(found, np.float32)
 
 
