@@ -30,13 +30,18 @@ from scipy.spatial.transform import Rotation, Slerp
 from vnav.config import Config
 from vnav.core import se3
 from vnav.core.arrays import Array
+from vnav.core.camera import Camera
 from vnav.core.frame import Frame
 from vnav.core.grid import FREE, OCCUPIED, Grid
+from vnav.core.trajectory import Trajectory
+from vnav.io.formats.trajectories import write_tum
+from vnav.io.recordings.capture_draft import new_capture
 from vnav.io.sources.capture import Capture
 from vnav.io.sources.open_capture import open_capture, read_truth
+from vnav.masking.warps import filled
 from vnav.synthetic.crowd import draw_strolls
 from vnav.synthetic.figure import dressed
-from vnav.synthetic.masks import MASKS, MOVING, moving_around
+from vnav.synthetic.masks import MASKS, write_mask, write_moving
 from vnav.synthetic.people import Moment, Walker
 from vnav.synthetic.places import GRID_M, Net, net_on
 from vnav.synthetic.raycast import Rectangles, pyramids
@@ -51,6 +56,8 @@ MIN_POINTS = 3  # of a cell of the grid in which something stands
 EXPOSURE_S = (-0.008, -0.004, 0.0, 0.004, 0.008)  # moments of which colour is the mean
 LIGHT, COLOR_SIGMA = 0.85, 3.0  # of the walkers, as of the room
 SENSOR = Sensor()
+NOTHING = Rectangles(*np.zeros((3, 0, 3)))  # of the scene, which the recording shows
+NO_POSES = Trajectory(np.zeros(0), np.zeros((0, 4, 4)))
 Depth = NDArray[np.float32]
 Pixels = NDArray[np.uint8]
 
@@ -60,20 +67,19 @@ class Recording:
     """A capture and its true way through a world with z up and the floor at 0."""
 
     capture: Capture
-    stamps_s: Array  # of the truth, and its poses
-    T_world_camera: Array
+    truth: Trajectory
 
     @classmethod
     def of(cls, folder: Path) -> "Recording":
         """A capture's folder with groundtruth.txt in it."""
-        truth = read_truth(folder, Config().capture)
-        return cls(open_capture(folder, Config().capture), truth.stamps_s, truth.T_world_camera)
+        config = Config().capture
+        return cls(open_capture(folder, config), read_truth(folder, config))
 
     def pose(self, stamp_s: float) -> Array:
         """T_world_camera at a time, between those of the truth; its ends are kept beyond."""
-        t = min(max(stamp_s, self.stamps_s[0]), self.stamps_s[-1])
-        R = self._turns(t).as_matrix()
-        at = [np.interp(t, self.stamps_s, self.T_world_camera[:, k, 3]) for k in range(3)]
+        stamps_s = self.truth.stamps_s
+        R = self._turns(np.clip(stamp_s, stamps_s[0], stamps_s[-1])).as_matrix()
+        at = [np.interp(stamp_s, stamps_s, along) for along in self.truth.positions.T]
         return se3.make(R, np.array(at))
 
     def frame_at(self, stamp_s: float) -> Frame:
@@ -93,19 +99,14 @@ class Recording:
 
     @cached_property
     def _turns(self) -> Slerp:
-        return Slerp(self.stamps_s, Rotation.from_matrix(self.T_world_camera[:, :3, :3]))
+        R = self.truth.T_world_camera[:, :3, :3]
+        return Slerp(self.truth.stamps_s, Rotation.from_matrix(R))
 
 
-def filled(depth_m: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Depth (H, W), where there is none that of the nearest pixel with some."""
-    hole = depth_m <= 0
-    if not hole.any() or hole.all():
-        return np.where(hole, np.float32(SENSOR.max_depth_m), depth_m)
-    kind = cv2.DIST_LABEL_PIXEL
-    _, label = cv2.distanceTransformWithLabels(hole.astype(np.uint8), cv2.DIST_L2, 5, None, kind)
-    values = np.zeros(label.max() + 1, np.float32)
-    values[label[~hole]] = depth_m[~hole]
-    return np.asarray(values[label])
+def room_of(frame: Frame) -> Depth:
+    """Depth (H, W) of the room, also where none was measured: that of the nearest pixel."""
+    depth_m = filled(frame.depth_m)
+    return np.where(depth_m > 0, depth_m, np.float32(SENSOR.max_depth_m))
 
 
 def net_of(recording: Recording, above_m: float) -> Net:
@@ -133,7 +134,7 @@ def walkers_in(recording: Recording, asked: argparse.Namespace) -> list[Walker]:
     camera = recording.capture.camera.color
     view = camera.scaled(camera.width // STEP_PX, camera.height // STEP_PX)
     sights = [
-        sight_of(filled(recording.frame_at(t).depth_m)[::STEP_PX, ::STEP_PX], net, view, pose)
+        sight_of(room_of(recording.frame_at(t))[::STEP_PX, ::STEP_PX], net, view, pose)
         for t, pose in zip(times_s, poses, strict=True)
     ]
     figures = [dressed(rng, (asked.seed, 7, n)) for n in range(asked.walkers)]
@@ -157,7 +158,7 @@ class Composer:
         owner = np.zeros(frame.depth_m.shape, np.uint8)
         if self._textures is None:
             return frame, owner
-        rng, behind_m = np.random.default_rng([self._seed, 3, row]), filled(frame.depth_m)
+        rng, behind_m = np.random.default_rng([self._seed, 3, row]), room_of(frame)
         color = self._color(frame, behind_m, rng)
         depth_m = self._depth(frame, behind_m, rng)
         moment, pose = self._at(frame.stamp_s), self._recording.pose(frame.stamp_s)
@@ -168,11 +169,7 @@ class Composer:
     def _at(self, stamp_s: float) -> Moment:
         """Everybody at a time, without the room."""
         t_s = stamp_s - self._recording.capture.stamps_s[0]
-        parts = [walker.at(t_s) for walker in self._walkers]
-        owner = np.repeat(np.arange(len(parts)) + 1, [len(part.corner) for part in parts])
-        names = "corner", "u_edge", "v_edge"
-        faces = (np.concatenate([getattr(part, name) for part in parts]) for name in names)
-        return Moment(Rectangles(*faces), self._textures, owner.astype(np.uint8))
+        return Moment.of([NOTHING, *(w.at(t_s) for w in self._walkers)], self._textures)
 
     def _before(
         self, moment: Moment, pose: Array, frame: Frame, behind_m: Depth
@@ -223,36 +220,31 @@ def in_shadow(depth_m: Depth) -> NDArray[np.bool_]:
 def write(folder: Path, recording: Recording, walkers: Sequence[Walker], seed: int) -> None:
     """A capture of the recording's frames, as they are read, with walkers and the truth of them."""
     capture, composer = recording.capture, Composer(recording, walkers, seed)
-    for name in ("rgb", "depth", f"truth/{MASKS}"):
-        (folder / name).mkdir(parents=True)
+    with new_capture(folder) as draft:
+        truth = draft.root / "truth"
+        (truth / MASKS).mkdir(parents=True)
 
-    def written(row: int) -> tuple[str, str]:
-        frame, owner = composer.frame(row)
-        color = f"rgb/{frame.stamp_s:.6f}.jpg"
-        depth = f"depth/{frame.stamp_s + frame.depth_after_s:.6f}.png"
-        quality = [cv2.IMWRITE_JPEG_QUALITY, SENSOR.jpeg_quality]
-        cv2.imwrite(str(folder / color), np.ascontiguousarray(frame.color[..., ::-1]), quality)
-        units = np.rint(frame.depth_m * UNITS_PER_METRE).astype(np.uint16)
-        cv2.imwrite(str(folder / depth), units)
-        cv2.imwrite(str(folder / "truth" / MASKS / f"{row:06d}.png"), owner)
-        return color, depth
+        def add(row: int) -> None:
+            frame, owner = composer.frame(row)
+            depth_s = frame.stamp_s + frame.depth_after_s
+            units = np.rint(frame.depth_m * UNITS_PER_METRE).astype(np.uint16)
+            draft.add("rgb", round(1e9 * frame.stamp_s), jpeg(frame.color), ".jpg")
+            draft.add(
+                "depth", round(1e9 * depth_s), cv2.imencode(".png", units)[1].tobytes(), ".png"
+            )
+            write_mask(truth, row, owner)
 
-    with ThreadPoolExecutor() as pool:
-        names = list(pool.map(written, range(len(capture))))
-    for file, images in zip(("rgb.txt", "depth.txt"), zip(*names, strict=True), strict=True):
-        lines = [f"{Path(image).stem} {image}" for image in images]
-        (folder / file).write_text("\n".join(lines) + "\n", "utf-8")
-    poses = np.hstack([recording.T_world_camera[:, :3, 3], se3.quat_xyzw(recording.T_world_camera)])
-    truth = np.column_stack([recording.stamps_s, poses])
-    np.savetxt(folder / "groundtruth.txt", truth, "%.6f")
-    moving = moving_around(walkers, capture.stamps_s - capture.stamps_s[0]) if walkers else []
-    lines = [" ".join([f"{row:06d}.png", *map(str, who)]) for row, who in enumerate(moving)]
-    (folder / "truth" / MOVING).write_text("\n".join(["# mask, who moves", *lines]) + "\n")
-    K = capture.read(0).intrinsics
-    fields = ("width", "height", "fx", "fy", "cx", "cy")
-    color = "".join(f"{name} = {getattr(K, name)}\n" for name in fields)
-    depth = f"[depth]\nunits_per_metre = {UNITS_PER_METRE}\n"
-    (folder / "camera.toml").write_text(f"[color]\n{color}\n{depth}", "utf-8")
+        with ThreadPoolExecutor() as pool:
+            list(pool.map(add, range(len(capture))))
+        write_moving(truth, walkers, capture.stamps_s - capture.stamps_s[0])
+        write_tum(draft.root / "groundtruth.txt", recording.truth)
+        draft.finish(Camera(capture.read(0).intrinsics, UNITS_PER_METRE), NO_POSES)
+
+
+def jpeg(color: Pixels) -> bytes:
+    """An image file of RGB (H, W, 3)."""
+    quality = [cv2.IMWRITE_JPEG_QUALITY, SENSOR.jpeg_quality]
+    return bytes(cv2.imencode(".jpg", np.ascontiguousarray(color[..., ::-1]), quality)[1])
 
 
 def measure(source: Path, asked: argparse.Namespace) -> Iterator[Measurement]:
@@ -265,9 +257,7 @@ def measure(source: Path, asked: argparse.Namespace) -> Iterator[Measurement]:
     ):
         capture = asked.out / "captures" / name
         if not capture.is_dir():
-            draft = capture.with_name(f"{name}.draft")
-            write(draft, recording, walkers_in(recording, asked) if alone else [], asked.seed)
-            draft.rename(capture)
+            write(capture, recording, walkers_in(recording, asked) if alone else [], asked.seed)
         built(capture, maps / name)
         trajectory = maps / name / "optimise" / "trajectory_0.tum"
         found, _ = of_trajectory(name, f"vnav, {who}", capture, trajectory)
@@ -287,8 +277,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--seed", type=int, default=1)
     add_record_option(parser)
     asked = parser.parse_args(arguments)
-    for name in ("captures", "maps"):
-        (asked.out / name).mkdir(parents=True, exist_ok=True)
+    (asked.out / "maps").mkdir(parents=True, exist_ok=True)
     found = [m for source in asked.captures for m in measure(source, asked)]
     return conclude("composed", found, asked, arguments)
 

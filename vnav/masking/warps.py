@@ -25,9 +25,10 @@ def by_depth(last: ReducedFrame, current: ReducedFrame, T_last_current: Array) -
     Blocks without depth are as far as the nearest ones that have it; in a frame without any depth
     all are at infinity.
     """
-    K, filled = current.intrinsics, _filled(current.inverse_depth)
+    K, everywhere = current.intrinsics, filled(current.inverse_depth)
     camera = np.array([K.fx, K.fy, K.cx, K.cy])
-    return _places_before(filled, current.inverse_depth, last.inverse_depth, T_last_current, camera)
+    depths = everywhere, current.inverse_depth, last.inverse_depth
+    return _places_before(*depths, T_last_current, camera)
 
 
 @compiled
@@ -80,14 +81,14 @@ def by_homography(last: ReducedFrame, current: ReducedFrame, _motion: Array) -> 
 WARPS: dict[str, Warp] = {"depth": by_depth, "homography": by_homography}
 
 
-def _filled(inverse_depth: Floats) -> Floats:
-    """With the value of the nearest block that has one, 0 where none has."""
-    unknown: NDArray[np.uint8] = (inverse_depth == 0).astype(np.uint8)
+def filled(values: Floats) -> Floats:
+    """Each 0 of an image (h, w) as the nearest value that is none, 0 where all are."""
+    unknown: NDArray[np.uint8] = (values == 0).astype(np.uint8)
     if unknown.all() or not unknown.any():
-        return inverse_depth
+        return values
     _, labels = cv2.distanceTransformWithLabels(
         unknown, cv2.DIST_L2, 3, labelType=cv2.DIST_LABEL_PIXEL
     )
     value_of = np.zeros(labels.max() + 1, np.float32)
-    value_of[labels[unknown == 0]] = inverse_depth[unknown == 0]
+    value_of[labels[unknown == 0]] = values[unknown == 0]
     return np.asarray(value_of[labels])

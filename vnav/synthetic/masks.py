@@ -24,16 +24,24 @@ def write_masks(
 ) -> None:
     """Write masks/NNNNNN.png of frames (N,), and moving.txt, into a folder.
 
-    A pixel is the number of the walker at its centre, 0 where it shows none. A line of moving.txt
-    has a mask's name and the numbers of those who move within AROUND_S of that frame.
+    A pixel is the number of the walker at its centre, 0 where it shows none.
     """
     (folder / MASKS).mkdir()
-    moving = moving_around(people.walkers, times_s)
-    lines = ["# mask, walkers who move within 3 s before or after"]
     for k, (T, t_s) in enumerate(zip(T_world_camera, times_s, strict=True)):
-        name = f"{k:06d}.png"
-        cv2.imwrite(str(folder / MASKS / name), people.at(t_s).render_walkers(camera, T))
-        lines.append(" ".join([name, *map(str, moving[k])]))
+        write_mask(folder, k, people.at(t_s).render_walkers(camera, T))
+    write_moving(folder, people.walkers, times_s)
+
+
+def write_mask(folder: Path, frame: int, walkers: NDArray[np.uint8]) -> None:
+    """Write the numbers of the walkers (H, W) that a frame shows."""
+    cv2.imwrite(str(folder / MASKS / _name(frame)), walkers)
+
+
+def write_moving(folder: Path, walkers: Sequence[Walker], times_s: NDArray[np.float64]) -> None:
+    """Write moving.txt: a mask's name, and the numbers of those who move within AROUND_S of it."""
+    lines = ["# mask, walkers who move within 3 s before or after"]
+    for k, moving in enumerate(moving_around(walkers, times_s)):
+        lines.append(" ".join([_name(k), *map(str, moving)]))
     (folder / MOVING).write_text("\n".join(lines) + "\n", "utf-8")
 
 
@@ -57,3 +65,7 @@ def read_moving_masks(truth: Path) -> list[NDArray[np.bool_]]:
         walkers = cv2.imread(str(truth / MASKS / name), cv2.IMREAD_UNCHANGED)
         masks.append(np.isin(np.asarray(walkers), [int(number) for number in moving]))
     return masks
+
+
+def _name(frame: int) -> str:
+    return f"{frame:06d}.png"

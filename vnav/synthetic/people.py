@@ -1,5 +1,6 @@
 """Scenes with people in them: where everybody is at a time, and what of a picture is whose."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -42,6 +43,12 @@ class Moment:
     textures: Textures
     owner: NDArray[np.uint8]
 
+    @classmethod
+    def of(cls, parts: Sequence[Rectangles], textures: Textures) -> "Moment":
+        """Of the scene's faces, then each walker's."""
+        owner = np.repeat(np.arange(len(parts)), [len(part.corner) for part in parts])
+        return cls(_joined(parts), textures, owner.astype(np.uint8))
+
     def render_color(self, intrinsics: Intrinsics, T_world_camera: ArrayLike) -> NDArray[np.uint8]:
         """Colour (H, W, 3) RGB, black where there is nothing."""
         T = np.asarray(T_world_camera, float)
@@ -70,10 +77,8 @@ class Peopled:
 
     def at(self, t_s: float) -> Moment:
         """The scene with everybody where they are at that time."""
-        static = self.scene.rectangles
-        parts = [static, *(walker.at(t_s) for walker in self.walkers)]
-        owner = np.repeat(np.arange(len(parts)), [len(part.corner) for part in parts])
-        return Moment(_joined(parts), self.textures, owner.astype(np.uint8))
+        everybody = (walker.at(t_s) for walker in self.walkers)
+        return Moment.of([self.scene.rectangles, *everybody], self.textures)
 
     @property
     def tour(self) -> tuple[tuple[float, ...], ...]:
@@ -128,7 +133,7 @@ def walkers_share(people: Peopled, view: Intrinsics, T_world_camera: Array) -> f
     return float(np.mean(masks))
 
 
-def _joined(parts: list[Rectangles]) -> Rectangles:
+def _joined(parts: Sequence[Rectangles]) -> Rectangles:
     return Rectangles(
         np.concatenate([part.corner for part in parts]),
         np.concatenate([part.u_edge for part in parts]),
