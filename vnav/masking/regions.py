@@ -50,9 +50,9 @@ def beside(regions: Blocks, others: Blocks) -> Blocks:
 def grown(moved_s: Floats, votes: Votes, view: PosedView) -> Floats:
     """Blocks (h, w) that move, with the rest of the body that they are of, and its edges.
 
-    A surface that is seen through nowhere is of no body that moves: floor or wall beside a heel
-    that a mask has covered. Nor is a block that many views have seen where it is and none has seen
-    through. Both are, where a third of the surface moves.
+    A surface that no view sees through is of no body that moves: floor or wall, beside a heel that
+    a mask has covered. Nor is a block that many views have seen where it is, and none has seen
+    through. Where a third of a surface moves, all of it does.
     """
     may_move = (votes.same <= MAX_SAME) | (votes.free > 0)
     grows = bodies(np.isfinite(moved_s))
