@@ -1,12 +1,13 @@
 """Recordings with people composed into them: a real sensor's noise, and what moves at true places.
 
-    python benchmarks/composed.py OUT CAPTURE... [--walkers 4] [--share 0.4] [--above 1.3]
+    python benchmarks/composed.py OUT CAPTURE... [--walkers 4] [--share 0.4] [--seeds 3]
 
 writes each capture, whose truth has z up and the floor at 0, to OUT/captures as it is read, without
-and with walkers, and maps both to OUT/maps, each once. Walkers are hidden by what the recording
-measured before them, hide what is behind, and leave a Kinect's shadow in its depth. They keep off
-what is higher than ``--above``, and stand in what is lower: in the view, behind the edge of a
-desk. The share is what they aim at; what they cover is told. Masks are those of the map's poses.
+and with walkers of each seed, and maps all to OUT/maps, each once. Walkers are hidden by what the
+recording measured before them, hide what is behind, and leave a Kinect's shadow in its depth. They
+keep off what is higher than ``--above``, and stand in what is lower: in the view, behind the edge
+of a desk. The share is what they aim at; what they cover is told. Masks are those of the map's
+poses.
 Exit code 1 where something wanted is missed.
 """
 
@@ -126,9 +127,9 @@ def net_of(recording: Recording, above_m: float) -> Net:
     return net_on(Grid((low[0], low[1]), GRID_M, cells), [*low, *high])
 
 
-def walkers_in(recording: Recording, asked: argparse.Namespace) -> list[Walker]:
+def walkers_in(recording: Recording, asked: argparse.Namespace, seed: int) -> list[Walker]:
     """People whose ways cover about the share of the view that is asked for."""
-    times_s, rng = recording.times_s, np.random.default_rng([asked.seed, 6])
+    times_s, rng = recording.times_s, np.random.default_rng([seed, 6])
     net = net_of(recording, asked.above)
     poses = [recording.pose(t) for t in times_s]
     camera = recording.capture.camera.color
@@ -137,7 +138,7 @@ def walkers_in(recording: Recording, asked: argparse.Namespace) -> list[Walker]:
         sight_of(room_of(recording.frame_at(t))[::STEP_PX, ::STEP_PX], net, view, pose)
         for t, pose in zip(times_s, poses, strict=True)
     ]
-    figures = [dressed(rng, (asked.seed, 7, n)) for n in range(asked.walkers)]
+    figures = [dressed(rng, (seed, 7, n)) for n in range(asked.walkers)]
     schedules = [schedule(len(times_s) - 1, False, rng) for _ in figures]
     wanted = np.full(len(times_s), asked.share)
     strolls = draw_strolls(net, sights, np.array(poses)[:, :2, 3], wanted, schedules)
@@ -249,22 +250,26 @@ def jpeg(color: Pixels) -> bytes:
 
 def measure(source: Path, asked: argparse.Namespace) -> Iterator[Measurement]:
     """Maps of a recording without and with walkers, and the masks of the latter."""
-    recording, alone = Recording.of(source), list[Measurement]()
-    maps = asked.out / "maps"
-    for who, name in (
-        ("no people", f"{source.name}_alone"),
-        ("people", f"{source.name}_people{asked.walkers}_seed{asked.seed}"),
-    ):
-        capture = asked.out / "captures" / name
-        if not capture.is_dir():
-            write(capture, recording, walkers_in(recording, asked) if alone else [], asked.seed)
-        built(capture, maps / name)
-        trajectory = maps / name / "optimise" / "trajectory_0.tum"
-        found, _ = of_trajectory(name, f"vnav, {who}", capture, trajectory)
-        yield from held_against(alone, found) if alone else found
-        if alone:
-            yield from measure_masks(capture, maps, Config())
-        alone = alone or found
+    recording = Recording.of(source)
+    alone = mapped(f"{source.name}_alone", recording, asked, None)
+    yield from alone
+    for seed in range(asked.seeds):
+        name = f"{source.name}_people{asked.walkers}_seed{seed}"
+        yield from held_against(alone, mapped(name, recording, asked, seed))
+        yield from measure_masks(asked.out / "captures" / name, asked.out / "maps", Config())
+
+
+def mapped(
+    name: str, recording: Recording, asked: argparse.Namespace, seed: int | None
+) -> list[Measurement]:
+    """What the map is like of a recording with walkers, or without any, both made once."""
+    capture, folder = asked.out / "captures" / name, asked.out / "maps" / name
+    if not capture.is_dir():
+        walkers = [] if seed is None else walkers_in(recording, asked, seed)
+        write(capture, recording, walkers, seed or 0)
+    built(capture, folder)
+    what = "vnav, no people" if seed is None else "vnav, people"
+    return of_trajectory(name, what, capture, folder / "optimise" / "trajectory_0.tum")[0]
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -274,7 +279,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--walkers", type=int, default=4)
     parser.add_argument("--share", type=float, default=0.4, help="of the view, that they aim at")
     parser.add_argument("--above", type=float, default=1.3, help="metres: what they keep off")
-    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--seeds", type=int, default=3)
     add_record_option(parser)
     asked = parser.parse_args(arguments)
     (asked.out / "maps").mkdir(parents=True, exist_ok=True)

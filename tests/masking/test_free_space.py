@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from tests.masking.moving_box import CAMERA, walk
+from vnav.core.arrays import Array
 from vnav.masking.free_space import count_votes
 from vnav.masking.view import PosedView
 
@@ -34,23 +35,31 @@ def test_a_box_that_others_do_not_see_is_seen_through() -> None:
     assert (votes.free[~on_box] == 0).all()
 
 
-def test_a_view_whose_surfaces_do_not_fit_counts_for_less_than_one() -> None:
+def test_a_view_counts_for_one_within_what_a_real_sensor_is_off_and_for_less_beyond() -> None:
     view, other = views(0.0, None)
-    ahead = np.eye(4)
-    ahead[2, 3] = 0.04  # of its pose, at the wall: 0.04 / 3^2 in inverse depth, twice the noise
-    astray = replace(other, T_track_camera=ahead)
     on_box = np.isclose(view.frame.inverse_depth, 1 / 2, atol=0.01)
-    fits, does_not = (count_votes(view, [o], SIGMA, MARGIN_M).free[on_box] for o in (other, astray))
-    share = (2 * np.sqrt(2) * SIGMA / (np.sqrt(np.pi / 2) * 0.04 / 9)) ** 2
-    assert (fits == 1).all()
-    assert does_not.max() == pytest.approx(share, rel=0.2)
+    # at the wall that makes 0.0033 and 0.0111 in inverse depth: 1.7 and 5.6 times the noise of two
+    # depths, of which the mean difference is 0.8
+    slightly, farther = (replace(other, T_track_camera=ahead(m)) for m in (0.03, 0.1))
+    fit, also_fit, unfit = (
+        count_votes(view, [o], SIGMA, MARGIN_M).free[on_box] for o in (other, slightly, farther)
+    )
+    share = (3 * np.sqrt(2) * SIGMA / (np.sqrt(np.pi / 2) * 0.1 / 9)) ** 2
+    assert (fit == 1).all()
+    assert also_fit.max() == 1
+    assert unfit.max() == pytest.approx(share, rel=0.2)
+
+
+def ahead(metres: float) -> Array:
+    """A pose before another."""
+    pose = np.eye(4)
+    pose[2, 3] = metres
+    return pose
 
 
 def test_what_others_see_as_near_as_they_fit_is_not_seen_through() -> None:
     view, other = views(0.0, 0.0)
-    ahead = np.eye(4)
-    ahead[2, 3] = 0.05
-    votes = count_votes(view, [replace(other, T_track_camera=ahead)], SIGMA, MARGIN_M)
+    votes = count_votes(view, [replace(other, T_track_camera=ahead(0.05))], SIGMA, MARGIN_M)
     assert (votes.free == 0).all()
 
 

@@ -14,7 +14,7 @@ from vnav.masking.view import Blocks, PosedView
 MIN_Z_M = 0.05  # nothing is seen nearer than this
 SIGMAS = 4.0  # of the difference of two depths, that are not noise
 MEAN_OF_SIGMA = np.sqrt(2 / np.pi)  # mean absolute value of noise whose deviation is 1
-FITS = 2.0  # times the noise of two depths, by which views differ that fit
+FITS = 3.0  # times the noise of two depths, by which views differ that fit, of a real sensor
 COARSE = 2  # a region that is opened has a block of every so many rows and columns
 STRIDE = 2 * COARSE  # between the blocks that tell how well two views fit
 MIN_FITTED = 30  # such blocks
