@@ -11,12 +11,12 @@ from vnav.config import Config
 from vnav.core import se3
 from vnav.core.arrays import Array
 from vnav.core.camera import Intrinsics
+from vnav.core.camera_motion import velocities
 from vnav.core.frame import Edge
 from vnav.core.graph import chain
 from vnav.core.mapping import Odometry
 from vnav.io.store.artifacts import load_keyframe, load_odometry
 from vnav.io.store.map_folder import MapFolder
-from vnav.optimisation.camera_motion import velocities
 from vnav.optimisation.revisits import Revisits
 from vnav.optimisation.second_look import SecondLook
 from vnav.optimisation.solution import solve

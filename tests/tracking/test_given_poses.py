@@ -7,12 +7,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from tests.masking.moving_box import CAMERA
+from tests.masking.panning_camera import RATE_HZ, frame_at, pose_at
 from vnav.config import Config, FeaturesConfig, OptimiseConfig
 from vnav.core import se3
-from vnav.core.frame import Frame
-from vnav.core.mapping import LOST, Odometry, OptimisedMap
+from vnav.core.camera_motion import velocities
+from vnav.core.frame import Features, Frame
+from vnav.core.mapping import LOST, FrameFeatures, FrameTable, Odometry, OptimisedMap
+from vnav.core.reduced_frame import BLOCK_PX
 from vnav.core.trajectory import Trajectory
 from vnav.errors import CaptureError, ConfigError, TrajectoryError
+from vnav.features.sift import SPACE
 from vnav.io.formats.trajectories import read_tum
 from vnav.io.sources.capture import Capture
 from vnav.io.store.artifacts import (
@@ -24,11 +29,16 @@ from vnav.io.store.artifacts import (
     save_odometry,
 )
 from vnav.io.store.map_folder import MapFolder
+from vnav.masking.depth_delay import DepthDelay
 from vnav.stages import loops, optimise, vocabulary
 from vnav.stages import odometry as odometry_stage
 from vnav.synthetic import MINIATURE, one_room
-from vnav.tracking.given_poses import NO_POSE, poses_at
+from vnav.tracking.given_poses import NO_POSE, GivenPoses, poses_at
 
+FULL_SIZE = CAMERA.scaled(BLOCK_PX * CAMERA.width, BLOCK_PX * CAMERA.height)
+SHAPE = FULL_SIZE.height, FULL_SIZE.width
+NO_IMAGES = np.zeros((*SHAPE, 3), np.uint8), np.zeros(SHAPE, np.float32)
+SECONDS = 4.0
 CONFIG = Config(features=FeaturesConfig(max_features=500))  # a third: quick
 NOISE = np.repeat([0.015, 0.03], 3)  # rad, m
 WITHOUT = 7  # the frame whose pose is left out
@@ -300,3 +310,30 @@ def test_the_stage_is_made_anew_for_other_poses(
     assert not odometry_stage.run(folder, first, CONFIG, given=shifted).reused
     assert not odometry_stage.run(folder, first, CONFIG).reused
     assert not load_odometry(folder).given
+
+
+def share_that_moves(delay_s: float) -> np.ndarray:
+    """In each frame of a still room, whose depth is 0.03 s late, at poses that say how late."""
+    stamps_s = np.arange(round(SECONDS * RATE_HZ)) / RATE_HZ
+    rows, poses = np.arange(len(stamps_s)), np.array([pose_at(s) for s in stamps_s])
+    frames = FrameTable(0 * rows, rows, stamps_s)
+    builder = GivenPoses(poses, velocities(poses, frames), DepthDelay(delay_s), CONFIG)
+    for row, stamp_s in enumerate(stamps_s):
+        frame = Frame(0, row, stamp_s, *NO_IMAGES, FULL_SIZE)
+        builder.add(seen_in(row), frame, frame_at(stamp_s, 0.03))
+    return builder.result(frames).moving_share
+
+
+def test_what_stands_still_is_not_masked_where_depth_is_known_to_be_late() -> None:
+    assert share_that_moves(0.0).max() > 0.1
+    assert not share_that_moves(0.03).any()
+
+
+def seen_in(row: int) -> FrameFeatures:
+    """As many features with depth as a keyframe needs, which match nothing."""
+    n = CONFIG.registration.min_inliers
+    rng = np.random.default_rng(row)
+    px = rng.uniform((0, 0), np.subtract(FULL_SIZE.size, 1), (n, 2))
+    descriptors = rng.integers(0, 256, (n, SPACE.width), np.uint8)
+    found = Features(px, descriptors, *np.ones((3, n)), SPACE)
+    return FrameFeatures(row, found, np.c_[rng.uniform(-1, 1, (n, 2)), np.full(n, 2.0)])

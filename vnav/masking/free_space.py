@@ -58,12 +58,31 @@ def count_votes(
     sigma = np.sqrt(2) * sigma_per_m2
     for other in others:
         places, expected = places_in(other, view, view.frame.inverse_depth, step)
-        depths = other.frame.inverse_depth, other.nearest, other.farthest
-        noise = _difference(places, expected, *depths, SIGMAS * sigma, margin_m) / MEAN_OF_SIGMA
+        noise = _noise(places, expected, other, sigma, margin_m)
         weight = min(1.0, (FITS * sigma / noise) ** 2) if noise > 0 else 1.0
         noise = SIGMAS * max(sigma, noise)
-        _add_votes(votes, weight, places, expected, *depths[1:], other.clear, noise, margin_m)
+        asked = other.nearest, other.farthest, other.clear
+        _add_votes(votes, weight, places, expected, *asked, noise, margin_m)
     return Votes(votes[SAME], votes[FREE])
+
+
+def misfit(view: PosedView, other: PosedView, sigma_per_m2: float, margin_m: float) -> float:
+    """Standard deviation of two views' inverse depth, where both see one surface; 0 for too few.
+
+    Of noise, if their poses are right. ``sigma_per_m2`` of either, and the margin, tell what is one
+    surface.
+    """
+    places, expected = places_in(other, view, view.frame.inverse_depth, STRIDE)
+    return _noise(places, expected, other, np.sqrt(2) * sigma_per_m2, margin_m)
+
+
+def _noise(
+    places: NDArray[np.int32], expected: Floats, other: PosedView, sigma: float, margin_m: float
+) -> float:
+    """See `misfit`; ``sigma`` of the difference of two depths."""
+    depths = other.frame.inverse_depth, other.nearest, other.farthest
+    off = _difference(places, expected, *depths, SIGMAS * sigma, margin_m)
+    return float(off / MEAN_OF_SIGMA)
 
 
 def places_in(

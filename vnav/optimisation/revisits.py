@@ -13,11 +13,11 @@ from vnav.config import Config, RegistrationConfig
 from vnav.core import se3
 from vnav.core.arrays import Array, evenly
 from vnav.core.camera import Intrinsics
+from vnav.core.camera_motion import motions_after
 from vnav.core.frame import Edge, Rejected
 from vnav.core.mapping import LOST, Odometry
 from vnav.core.reduced_frame import Seen
 from vnav.core.view_overlap import are_apart, view_overlap
-from vnav.optimisation.camera_motion import motions_after
 from vnav.registration.dense import align_surfaces
 from vnav.registration.surface_agreement import Agreement, agreements, disagreeing
 

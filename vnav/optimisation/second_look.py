@@ -11,13 +11,13 @@ from vnav.config import Config
 from vnav.core import se3
 from vnav.core.arrays import Array, evenly
 from vnav.core.camera import Intrinsics
+from vnav.core.camera_motion import velocities
 from vnav.core.frame import Edge, Frame, PoseEstimate, Rejected
 from vnav.core.graph import best_into
 from vnav.core.mapping import LOST, Odometry
 from vnav.core.reduced_frame import ReducedFrame
 from vnav.core.view_overlap import view_overlap
 from vnav.features.matching import DescriptorMatcher
-from vnav.optimisation.camera_motion import velocities
 from vnav.optimisation.contradictions import Contradiction
 from vnav.optimisation.cycles import are_wrong
 from vnav.optimisation.revisits import Pair, Revisits, find_revisits, surface_edges

@@ -15,9 +15,9 @@ from numpy.typing import NDArray
 from vnav.config import RegistrationConfig
 from vnav.core.arrays import Array
 from vnav.core.camera import Intrinsics
+from vnav.core.camera_motion import velocities
 from vnav.core.mapping import FrameFeatures, FrameTable, Odometry
 from vnav.features.lifting import inverse_depth_planes
-from vnav.optimisation.camera_motion import velocities
 
 DepthOf = Callable[[int], NDArray[np.float32]]
 

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from vnav.config import Config, FuseConfig
 from vnav.core.arrays import Array, Floats
+from vnav.core.camera_motion import motions_after
 from vnav.core.grid import FREE, STATES, Grid
 from vnav.core.mapping import Landmarks, World
 from vnav.core.progress import Progress, silent
@@ -30,7 +31,6 @@ from vnav.io.store.artifacts import (
 )
 from vnav.io.store.map_folder import MapFolder
 from vnav.io.store.stage_reports import clock, finished, reused, settings_of
-from vnav.optimisation.camera_motion import motions_after
 from vnav.planning.projection import project
 from vnav.planning.storeys import other_floor
 from vnav.planning.walked import add_walked

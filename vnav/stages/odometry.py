@@ -5,7 +5,7 @@ import os
 from collections import deque
 from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import Future, ThreadPoolExecutor
-from contextlib import AbstractContextManager, nullcontext
+from contextlib import AbstractContextManager, nullcontext, suppress
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +14,7 @@ import numpy as np
 from vnav.checking.capture_report import require_depth
 from vnav.config import Config
 from vnav.config.registries import DESCRIPTORS, FILTERS, registered
+from vnav.core.camera_motion import velocities
 from vnav.core.frame import Frame
 from vnav.core.mapping import (
     EVEN_LIGHT,
@@ -40,6 +41,7 @@ from vnav.io.store.map_folder import MapFolder
 from vnav.io.store.records import MappedCapture
 from vnav.io.store.stage_reports import clock, finished, reused, settings_of
 from vnav.lighting.flattened import flattened
+from vnav.masking.depth_delay import PosedFrame, depth_delay, telling_pairs
 from vnav.overlays.overlay import without_overlay
 from vnav.registration.reduction import reduced
 from vnav.threads import one_blas_thread, one_opencv_thread
@@ -103,7 +105,7 @@ def track(
     TrajectoryError where hardly any frame has a pose of those ``given``.
     """
     frames = _frame_table(capture)
-    builder = _builder(config, frames, given)
+    builder = _builder(config) if given is None else _given(capture, frames, given, config)
     keeps_all = config.odometry.kept_frames == "all"
     with ThreadPoolExecutor(os.cpu_count()) as pool:
         light = EVEN_LIGHT
@@ -129,15 +131,32 @@ def track(
     return odometry
 
 
-def _builder(config: Config, frames: FrameTable, given: Trajectory | None) -> OdometryBuilder:
+def _builder(config: Config) -> OdometryBuilder:
     """What gives frames their poses."""
-    if given is not None:
-        poses = poses_at(frames.stamp_s, given, config.capture.association_s)
-        return GivenPoses(poses, config)
     if config.tracking.method in FILTERS:
         made: OdometryBuilder = registered(FILTERS, config.tracking.method)(config)
         return made
     return VisualOdometry(config)
+
+
+def _given(
+    capture: Capture, frames: FrameTable, given: Trajectory, config: Config
+) -> OdometryBuilder:
+    """What takes poses as they are given; a few pairs of frames tell whether depth is late."""
+    poses = poses_at(frames.stamp_s, given, config.capture.association_s)
+    twists, camera = velocities(poses, frames), rectified(capture.camera)
+
+    def posed(row: int) -> PosedFrame:
+        frame = resampled(capture.read(row), camera)
+        return PosedFrame(reduced(frame).moving(twists[row]), poses[row], frame.depth_after_s)
+
+    def pairs() -> Iterator[tuple[PosedFrame, PosedFrame]]:
+        for i, j in telling_pairs(twists, frames.stamp_s):
+            with suppress(CaptureError):  # of an image, which is named when all are read
+                yield posed(i), posed(j)
+
+    noise = config.registration.depth_sigma_per_m2, config.masking.depth_margin_m
+    return GivenPoses(poses, twists, depth_delay(pairs(), *noise), config)
 
 
 def _description(config: Config, is_given: bool) -> tuple[Description | None, Limit]:

@@ -16,6 +16,7 @@ from vnav.core.reduced_frame import ReducedFrame
 from vnav.core.trajectory import Trajectory
 from vnav.errors import CaptureError, TrajectoryError
 from vnav.features.matching import DescriptorMatcher
+from vnav.masking.depth_delay import DepthDelay, PosedFrame
 from vnav.masking.view import Blocks
 from vnav.registration.points3d import PointRegistration
 from vnav.tracking.frame_masks import FrameMasks
@@ -61,10 +62,17 @@ def _require_motion(stamps_s: Array, positions: Array) -> None:
 
 
 class GivenPoses:
-    """Takes every frame's pose (N, 4, 4) as it is given, and keeps what the later stages need."""
+    """Takes every frame's pose (N, 4, 4) as it is given, and keeps what the later stages need.
 
-    def __init__(self, T_world_camera: Array, config: Config) -> None:
+    What moves is masked by views from where the camera is when depth is measured, after a delay, by
+    the frames' twists (N, 6).
+    """
+
+    def __init__(
+        self, T_world_camera: Array, twists: Array, delay: DepthDelay, config: Config
+    ) -> None:
         self._config = config
+        self._twists, self._delay = twists, delay
         self._matcher = DescriptorMatcher(config.registration)
         self._poses = T_world_camera.copy()
         self._masks = FrameMasks(config)
@@ -77,12 +85,14 @@ class GivenPoses:
         """Take the next frame; True where it becomes a keyframe."""
         if features.row in self._reasons:
             return False
-        camera, T_world_camera = frame.intrinsics, self._poses[features.row]
-        seen = self._masks.look(TrackedFrame(features, image, camera), T_world_camera)
+        camera, image = frame.intrinsics, image.moving(self._twists[features.row])
+        posed = PosedFrame(image, self._poses[features.row], frame.depth_after_s)
+        T_world_depth = posed.view(self._delay).T_track_camera
+        seen = self._masks.look(TrackedFrame(features, image, camera), T_world_depth)
         current = seen.static.features
         has_features = current.has_depth.sum() >= self._config.registration.min_inliers
         is_keyframe = bool(has_features) and self._is_new_view(current, camera)
-        self._masks.add(seen, T_world_camera, is_keyframe)
+        self._masks.add(seen, T_world_depth, is_keyframe)
         if has_features:
             self._previous = current
         if is_keyframe:

@@ -3,8 +3,8 @@
 import numpy as np
 
 from vnav.core import se3
+from vnav.core.camera_motion import velocities
 from vnav.core.mapping import FrameTable
-from vnav.optimisation.camera_motion import velocities
 
 TWIST = np.array([0.3, -0.8, 0.2, 0.5, 0.1, -0.4])
 COUNT, STEP_S = 9, 1 / 30
