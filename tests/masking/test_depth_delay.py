@@ -81,3 +81,10 @@ def test_pairs_are_of_frames_that_turn_most_differently_and_apart_in_time() -> N
 
 def test_a_camera_that_rests_has_no_pairs() -> None:
     assert telling_pairs(0 * TWISTS, STAMPS_S) == []
+
+
+def test_a_frame_whose_twist_nothing_tells_is_in_no_pair() -> None:
+    unknown = ROWS % 3 == 0
+    pairs = telling_pairs(np.where(unknown[:, None], 0, TWISTS), STAMPS_S)
+    assert pairs
+    assert not unknown[np.array(pairs)].any()

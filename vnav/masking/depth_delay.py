@@ -59,10 +59,12 @@ class PosedFrame:
 def telling_pairs(twists: Array, stamps_s: Array) -> list[tuple[int, int]]:
     """Rows of two frames, `APART_S` from each other, whose cameras turn most differently.
 
-    By their twists (N, 6) and times (N,), ascending; each pair as far from the others.
+    By their twists (N, 6), 0 where nothing tells, and times (N,), ascending; each pair as far from
+    the others.
     """
     later = np.searchsorted(stamps_s, stamps_s + APART_S)
-    first = np.flatnonzero(later < len(stamps_s))
+    is_known = np.append(twists.any(1), False)
+    first = np.flatnonzero(is_known[:-1] & is_known[later])
     apart = np.linalg.norm(twists[first, :3] - twists[later[first], :3], axis=1)
     fastest = np.argsort(-apart, kind="stable")[: np.count_nonzero(apart)]
     found: list[tuple[int, int]] = []
