@@ -130,20 +130,40 @@ def test_loops_turned_down_that_fit_the_images_no_better_are_no_doubt(
     assert quality.values["loops_contradicting"] == 0
 
 
-def test_a_step_that_does_not_fit_the_images_makes_a_map_doubtful(
-    folder: MapFolder, altering: Altering
-) -> None:
+def step_aside(folder: MapFolder, altering: Altering) -> None:
+    """The last keyframe is moved aside."""
     result, rows = load_optimised(folder), load_odometry(folder).keyframe_rows
     poses = result.T_world_camera.copy()
     poses[rows[-1], :2, 3] += 0.3
     with altering(folder, "optimise") as draft:
         save_optimised(draft, dataclasses.replace(result, T_world_camera=poses))
 
-    doubts = assess(folder, CONFIG).doubts
+
+def test_a_step_that_does_not_fit_the_images_makes_a_map_doubtful(
+    folder: MapFolder, altering: Altering
+) -> None:
+    step_aside(folder, altering)
+
+    doubts, rows = assess(folder, CONFIG).doubts, load_odometry(folder).keyframe_rows
 
     of = f"1 of {len(rows) - 1} steps from keyframe to keyframe do not fit the images"
     where = f"within frames {rows[-2]} to {rows[-1]};"
     assert any(f"{of}, {where}" in doubt for doubt in doubts)
+    assert all("record" in doubt for doubt in doubts)
+
+
+def test_doubts_about_given_poses_say_how_to_adjust_them(
+    folder: MapFolder, altering: Altering
+) -> None:
+    step_aside(folder, altering)
+    with altering(folder, "odometry") as draft:
+        save_odometry(draft, dataclasses.replace(load_odometry(folder), given=True))
+
+    doubts = assess(folder, CONFIG).doubts
+
+    assert doubts
+    assert all("--set optimise.given_poses=prior" in doubt for doubt in doubts)
+    assert not any("record" in doubt for doubt in doubts)
 
 
 def doubt_motions(folder: MapFolder, altering: Altering, rows: set[int]) -> None:

@@ -43,6 +43,10 @@ LEAST_CONTRADICTING = 5  # rejected loops that do; chance makes 1.5 of 150
 LEAST_UNSURE = 2  # frames in doubt that do
 WRONG_CAMERA, SURE_SIGMAS = 0.025, 5.0  # off by: of the focal length, and standard deviations
 MAX_SIGMA = 0.01  # of the focal length; errors that all views share are as large where it is more
+OF_GIVEN = (
+    "the given poses are off there, or of another time than the images: correct them, or let vnav"
+    " adjust them by --set optimise.given_poses=prior"
+)
 FITTED = (  # and its standard deviation, and what was given
     "a focal length of {:.1f} px (+- {:.1f}) where {:.1f} px were given",
     "cx of {:.1f} px (+- {:.1f}) where {:.1f} px were given",
@@ -194,17 +198,21 @@ def _disagreement(revisits: Revisits, odometry: Odometry) -> str:
     apart, of = revisits.disagreeing, len(revisits.pairs)
     return (
         f"{len(apart)} of {of} pairs of keyframes that see one place again disagree on it,"
-        f" within {_within(apart, odometry)}; record the place anew, slower and with a loop"
+        f" within {_within(apart, odometry)};"
+        f" {_advice(odometry, 'record the place anew, slower and with a loop')}"
     )
 
 
 def _contradiction(against: Sequence[Edge], odometry: Odometry) -> str:
     if len(against) < LEAST_CONTRADICTING:
         return ""
+    mistaken = (
+        "places that look the same may have been taken for one, or the track is wrong: record with"
+        " more that is unique in view"
+    )
     return (
         f"{len(against)} loops contradict the map and fit the images better, within"
-        f" {_within(ends_of(against), odometry)}; places that look the same may have"
-        " been taken for one, or the track is wrong: record with more that is unique in view"
+        f" {_within(ends_of(against), odometry)}; {_advice(odometry, mistaken)}"
     )
 
 
@@ -212,11 +220,19 @@ def _unborne(unborne: Sequence[tuple[int, int]], odometry: Odometry) -> str:
     if not unborne:
         return ""
     where, count = _within(unborne, odometry), len(odometry.keyframes) - 1
+    mistaken = (
+        "the track is wrong there, by what moved or repeated, or the camera was too fast: record"
+        " slower, with more of what stands still"
+    )
     return (
         f"{len(unborne)} of {count} steps from keyframe to keyframe do not fit the images, within"
-        f" {where}; the track is wrong there, by what moved or repeated, or the camera was too"
-        " fast: record slower, with more of what stands still"
+        f" {where}; {_advice(odometry, mistaken)}"
     )
+
+
+def _advice(odometry: Odometry, otherwise: str) -> str:
+    """What may be wrong, and what to do; of poses that vnav has not found, another thing."""
+    return OF_GIVEN if odometry.given else otherwise
 
 
 def _uncertainty(unsure: NDArray[np.intp], loops: Sequence[Edge], odometry: Odometry) -> str:
