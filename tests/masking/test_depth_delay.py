@@ -14,7 +14,7 @@ from vnav.masking.depth_delay import (
     NONE,
     STEPS_S,
     DepthDelay,
-    PosedFrame,
+    TimedFrame,
     depth_delay,
     telling_pairs,
 )
@@ -31,11 +31,11 @@ def told(delay_s: float | Array, poses: Array = POSES, stamps: Array = 0 * STAMP
     """Of depth that is late by ``delay_s`` (N,) or one, and by ``stamps`` (N,) says so."""
     late_s = np.broadcast_to(delay_s, len(STAMPS_S))
 
-    def posed(row: int) -> PosedFrame:
+    def timed(row: int) -> TimedFrame:
         image = frame_at(STAMPS_S[row], late_s[row]).moving(TWISTS[row])
-        return PosedFrame(image, poses[row], stamps[row])
+        return TimedFrame(image, poses[row], stamps[row])
 
-    pairs = [(posed(i), posed(j)) for i, j in telling_pairs(TWISTS, STAMPS_S)]
+    pairs = [(timed(i), timed(j)) for i, j in telling_pairs(TWISTS, STAMPS_S)]
     return depth_delay(pairs, SIGMA_PER_M2, MARGIN_M)
 
 

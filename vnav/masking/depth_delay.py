@@ -41,7 +41,7 @@ DELAYS = [NONE, *(DepthDelay(float(s), stamped) for stamped in (False, True) for
 
 
 @dataclass(frozen=True)
-class PosedFrame:
+class TimedFrame:
     """A frame with its twist, the pose of its colour (4, 4), and the stamp of depth after it."""
 
     image: ReducedFrame
@@ -75,7 +75,7 @@ def telling_pairs(twists: Array, stamps_s: Array) -> list[tuple[int, int]]:
 
 
 def depth_delay(
-    pairs: Iterable[tuple[PosedFrame, PosedFrame]], sigma_per_m2: float, margin_m: float
+    pairs: Iterable[tuple[TimedFrame, TimedFrame]], sigma_per_m2: float, margin_m: float
 ) -> DepthDelay:
     """The delay by which the surfaces of pairs fit best, none where it does not fit clearly better.
 

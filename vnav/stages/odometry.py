@@ -41,7 +41,7 @@ from vnav.io.store.map_folder import MapFolder
 from vnav.io.store.records import MappedCapture
 from vnav.io.store.stage_reports import clock, finished, reused, settings_of
 from vnav.lighting.flattened import flattened
-from vnav.masking.depth_delay import PosedFrame, depth_delay, telling_pairs
+from vnav.masking.depth_delay import TimedFrame, depth_delay, telling_pairs
 from vnav.overlays.overlay import without_overlay
 from vnav.registration.reduction import reduced
 from vnav.threads import one_blas_thread, one_opencv_thread
@@ -146,14 +146,14 @@ def _given(
     poses = poses_at(frames.stamp_s, given, config.capture.association_s)
     twists, camera = velocities(poses, frames), rectified(capture.camera)
 
-    def posed(row: int) -> PosedFrame:
+    def timed(row: int) -> TimedFrame:
         frame = resampled(capture.read(row), camera)
-        return PosedFrame(reduced(frame).moving(twists[row]), poses[row], frame.depth_after_s)
+        return TimedFrame(reduced(frame).moving(twists[row]), poses[row], frame.depth_after_s)
 
-    def pairs() -> Iterator[tuple[PosedFrame, PosedFrame]]:
+    def pairs() -> Iterator[tuple[TimedFrame, TimedFrame]]:
         for i, j in telling_pairs(twists, frames.stamp_s):
             with suppress(CaptureError):  # of an image, which is named when all are read
-                yield posed(i), posed(j)
+                yield timed(i), timed(j)
 
     noise = config.registration.depth_sigma_per_m2, config.masking.depth_margin_m
     return GivenPoses(poses, twists, depth_delay(pairs(), *noise), config)

@@ -16,7 +16,7 @@ from vnav.core.reduced_frame import ReducedFrame
 from vnav.core.trajectory import Trajectory
 from vnav.errors import CaptureError, TrajectoryError
 from vnav.features.matching import DescriptorMatcher
-from vnav.masking.depth_delay import DepthDelay, PosedFrame
+from vnav.masking.depth_delay import DepthDelay, TimedFrame
 from vnav.masking.view import Blocks
 from vnav.registration.points3d import PointRegistration
 from vnav.tracking.frame_masks import FrameMasks
@@ -86,8 +86,8 @@ class GivenPoses:
         if features.row in self._reasons:
             return False
         camera, image = frame.intrinsics, image.moving(self._twists[features.row])
-        posed = PosedFrame(image, self._poses[features.row], frame.depth_after_s)
-        T_world_depth = posed.view(self._delay).T_track_camera
+        timed = TimedFrame(image, self._poses[features.row], frame.depth_after_s)
+        T_world_depth = timed.view(self._delay).T_track_camera
         seen = self._masks.look(TrackedFrame(features, image, camera), T_world_depth)
         current = seen.static.features
         has_features = current.has_depth.sum() >= self._config.registration.min_inliers
