@@ -120,6 +120,36 @@ def test_blas_is_limited_where_numpy_was_loaded_before() -> None:
     assert done.stdout.strip() == f"{{{min(4, os.cpu_count() or 1)}}}"
 
 
+LATER = """
+import sys
+import vnav.threads
+
+limit = vnav.threads.one_blas_thread
+with limit:
+    assert "numpy" not in sys.modules
+import numpy as np
+from threadpoolctl import threadpool_info
+
+for _ in range(2):
+    with limit:
+        assert [d["num_threads"] for d in threadpool_info() if d["user_api"] == "blas"] == [1]
+    (after,) = [d["num_threads"] for d in threadpool_info() if d["user_api"] == "blas"]
+print(after)
+"""
+
+
+def test_blas_that_is_loaded_after_a_first_limit_is_limited_by_the_next() -> None:
+    environment = {k: v for k, v in os.environ.items() if not k.endswith("_NUM_THREADS")}
+    done = subprocess.run(
+        [sys.executable, "-P", "-c", LATER],
+        env=environment | {"OPENBLAS_NUM_THREADS": "4"},
+        text=True,
+        capture_output=True,
+    )
+    assert done.returncode == 0, done.stderr
+    assert int(done.stdout) == min(4, os.cpu_count() or 1)
+
+
 def test_items_come_in_order_and_the_next_is_made_while_one_is_used() -> None:
     used = threading.Event()
 

@@ -5,12 +5,17 @@ over cores instead. Environment variables come too late where numpy is loaded al
 """
 
 import os
+import sys
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import ContextDecorator
+from functools import lru_cache
 from threading import Lock, local
-from typing import Generic, TypeVar
+from typing import TYPE_CHECKING, Generic, TypeVar
+
+if TYPE_CHECKING:
+    from threadpoolctl import ThreadpoolController
 
 Item = TypeVar("Item")
 Made = TypeVar("Made")
@@ -78,10 +83,16 @@ class SharedLimit(ContextDecorator):
                 self._undo.pop()()
 
 
-def _one_native_thread(user_api: str) -> Undo | None:
+@lru_cache(maxsize=2)
+def _libraries(user_api: str, _modules: int) -> "ThreadpoolController":
+    """Those that are loaded; they come with modules, and are looked for where these are others."""
     from threadpoolctl import ThreadpoolController
 
-    loaded = ThreadpoolController().select(user_api=user_api)
+    return ThreadpoolController().select(user_api=user_api)
+
+
+def _one_native_thread(user_api: str) -> Undo | None:
+    loaded = _libraries(user_api, len(sys.modules))
     if all(library["num_threads"] == 1 for library in loaded.info()):
         return None
     undo: Undo = loaded.limit(limits=1).restore_original_limits
