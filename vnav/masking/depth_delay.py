@@ -37,7 +37,7 @@ class DepthDelay:
 
 STEPS_S = 0.005 * np.arange(-12, 13)  # a step moves half a block at 50 degrees a second
 NONE = DepthDelay()
-DELAYS = [NONE, *(DepthDelay(float(s), stamped) for stamped in (False, True) for s in STEPS_S)]
+DELAYS = [DepthDelay(float(s), stamped) for stamped in (False, True) for s in STEPS_S]
 
 
 @dataclass(frozen=True)
@@ -48,12 +48,15 @@ class TimedFrame:
     T_world_camera: Array
     depth_after_s: float
 
+    def T_world_depth(self, delay: DepthDelay) -> Array:
+        """Where the camera is when depth is measured (4, 4)."""
+        late_s = delay.of(self.depth_after_s)
+        return np.asarray(self.T_world_camera @ se3.exp(late_s * self.image.twist))
+
     def view(self, delay: DepthDelay) -> PosedView:
-        """From where the camera is when depth is measured."""
-        T_world_depth = self.T_world_camera @ se3.exp(
-            delay.of(self.depth_after_s) * self.image.twist
-        )
-        return PosedView(self.image, T_world_depth, np.zeros(self.image.grey.shape, bool))
+        """From there, of what stands still."""
+        still = np.zeros(self.image.grey.shape, bool)
+        return PosedView(self.image, self.T_world_depth(delay), still)
 
 
 def telling_pairs(twists: Array, stamps_s: Array) -> list[tuple[int, int]]:
@@ -89,7 +92,8 @@ def depth_delay(
             found.append(np.log(np.where(misfits > 0, misfits, misfits.max())))
     if len(found) < MIN_PAIRS:
         return NONE
-    best = int(np.sum(found, 0).argmin())
-    gained = np.array([of_pair[0] - of_pair[best] for of_pair in found])
+    of_pairs = np.array(found)
+    best = int(of_pairs.sum(0).argmin())
+    gained = of_pairs[:, DELAYS.index(NONE)] - of_pairs[:, best]
     is_clear = gained.mean() > CLEAR * gained.std() / np.sqrt(len(gained))
     return DELAYS[best] if is_clear else NONE

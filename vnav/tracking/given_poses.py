@@ -87,7 +87,7 @@ class GivenPoses:
             return False
         camera, image = frame.intrinsics, image.moving(self._twists[features.row])
         timed = TimedFrame(image, self._poses[features.row], frame.depth_after_s)
-        T_world_depth = timed.view(self._delay).T_track_camera
+        T_world_depth = timed.T_world_depth(self._delay)
         seen = self._masks.look(TrackedFrame(features, image, camera), T_world_depth)
         current = seen.static.features
         has_features = current.has_depth.sum() >= self._config.registration.min_inliers
