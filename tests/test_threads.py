@@ -107,17 +107,22 @@ print(before)
 """
 
 
-def test_blas_is_limited_where_numpy_was_loaded_before() -> None:
-    """As in a notebook, where no environment variable can reach it any more."""
+def printed_with_four_threads(program: str) -> str:
+    """By a Python of its own, which environment variables let have so many."""
     environment = {k: v for k, v in os.environ.items() if not k.endswith("_NUM_THREADS")}
     done = subprocess.run(
-        [sys.executable, "-P", "-c", NOTEBOOK],
+        [sys.executable, "-P", "-c", program],
         env=environment | {"OPENBLAS_NUM_THREADS": "4"},
         text=True,
         capture_output=True,
-        check=True,
     )
-    assert done.stdout.strip() == f"{{{min(4, os.cpu_count() or 1)}}}"
+    assert done.returncode == 0, done.stderr
+    return done.stdout.strip()
+
+
+def test_blas_is_limited_where_numpy_was_loaded_before() -> None:
+    """As in a notebook, where no environment variable can reach it any more."""
+    assert printed_with_four_threads(NOTEBOOK) == f"{{{min(4, os.cpu_count() or 1)}}}"
 
 
 LATER = """
@@ -139,15 +144,7 @@ print(after)
 
 
 def test_blas_that_is_loaded_after_a_first_limit_is_limited_by_the_next() -> None:
-    environment = {k: v for k, v in os.environ.items() if not k.endswith("_NUM_THREADS")}
-    done = subprocess.run(
-        [sys.executable, "-P", "-c", LATER],
-        env=environment | {"OPENBLAS_NUM_THREADS": "4"},
-        text=True,
-        capture_output=True,
-    )
-    assert done.returncode == 0, done.stderr
-    assert int(done.stdout) == min(4, os.cpu_count() or 1)
+    assert printed_with_four_threads(LATER) == str(min(4, os.cpu_count() or 1))
 
 
 def test_items_come_in_order_and_the_next_is_made_while_one_is_used() -> None:

@@ -60,6 +60,15 @@ def test_who_stands_behind_what_was_measured_is_not_seen(
     assert not owner.any()
 
 
+def test_the_room_is_as_far_as_measured_and_as_the_nearest_pixel_elsewhere(
+    composed: ModuleType, tiny_capture: Path
+) -> None:
+    frame = composed.Recording.of(tiny_capture).capture.read(5)
+    known, room_m = frame.depth_m > 0, composed.room_of(frame)
+    assert np.array_equal(room_m[known], frame.depth_m[known])
+    assert (room_m > 0).all()
+
+
 def test_a_recording_is_written_with_its_truth_and_masks(
     composed: ModuleType, tiny_capture: Path, tmp_path: Path
 ) -> None:

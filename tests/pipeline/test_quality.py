@@ -77,13 +77,18 @@ def test_edges_between_neighbours_are_no_loops(folder: MapFolder, altering: Alte
     assert assess(folder, CONFIG).values["loops"] == 0
 
 
-def slipped(folder: MapFolder, altering: Altering) -> None:
-    """The second half of the map's frames is moved aside."""
+def move_aside(folder: MapFolder, altering: Altering, rows: slice) -> None:
+    """Some of the map's frames are moved aside."""
     result = load_optimised(folder)
     poses = result.T_world_camera.copy()
-    poses[len(poses) // 2 :, :2, 3] += 0.3
+    poses[rows, :2, 3] += 0.3
     with altering(folder, "optimise") as draft:
         save_optimised(draft, dataclasses.replace(result, T_world_camera=poses))
+
+
+def slip(folder: MapFolder, altering: Altering) -> None:
+    """The second half of the map's frames is moved aside."""
+    move_aside(folder, altering, slice(len(load_odometry(folder).frames) // 2, None))
 
 
 def turn_down(folder: MapFolder, altering: Altering, share: float) -> None:
@@ -99,7 +104,7 @@ def turn_down(folder: MapFolder, altering: Altering, share: float) -> None:
 def test_a_map_whose_second_half_has_slipped_is_doubtful(
     folder: MapFolder, altering: Altering
 ) -> None:
-    slipped(folder, altering)
+    slip(folder, altering)
 
     quality = assess(folder, CONFIG)
 
@@ -110,7 +115,7 @@ def test_a_map_whose_second_half_has_slipped_is_doubtful(
 def test_a_map_that_turned_down_loops_which_fit_the_images_is_doubtful(
     folder: MapFolder, altering: Altering
 ) -> None:
-    slipped(folder, altering)
+    slip(folder, altering)
     turn_down(folder, altering, 1.0)
 
     doubts = assess(folder, CONFIG).doubts
@@ -132,11 +137,8 @@ def test_loops_turned_down_that_fit_the_images_no_better_are_no_doubt(
 
 def step_aside(folder: MapFolder, altering: Altering) -> None:
     """The last keyframe is moved aside."""
-    result, rows = load_optimised(folder), load_odometry(folder).keyframe_rows
-    poses = result.T_world_camera.copy()
-    poses[rows[-1], :2, 3] += 0.3
-    with altering(folder, "optimise") as draft:
-        save_optimised(draft, dataclasses.replace(result, T_world_camera=poses))
+    last = load_odometry(folder).keyframe_rows[-1]
+    move_aside(folder, altering, slice(last, last + 1))
 
 
 def test_a_step_that_does_not_fit_the_images_makes_a_map_doubtful(
