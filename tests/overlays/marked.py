@@ -12,6 +12,7 @@ from vnav.io.sources.derived import DerivedCapture
 
 TEXT = "2026-11-25 CAM 1"
 BUMPER = 0.9  # of the height, from which on the robot is seen
+TREMOR_PX, PASSING = 1, 0.4  # of a camera on a stand, and the share of its view that is hidden
 
 
 class Marked(DerivedCapture):
@@ -47,3 +48,16 @@ class Resting(DerivedCapture):
 
     def read(self, index: int) -> Frame:
         return super().read(max(index - len(self) + self._moving, 0))
+
+
+class Standing(DerivedCapture):
+    """By a camera that trembles on its stand; something else to be seen each time walks past it."""
+
+    def read(self, index: int) -> Frame:
+        frame, passing = super().read(0), super().read(index).color
+        tremor = np.random.default_rng(index).integers(-TREMOR_PX, TREMOR_PX + 1, 2)
+        color = np.roll(frame.color, tremor, (0, 1))
+        width = round(PASSING * color.shape[1])
+        left = round(index / (len(self) - 1) * (color.shape[1] - width))
+        color[:, left : left + width] = passing[:, left : left + width]
+        return dataclasses.replace(frame, color=color)

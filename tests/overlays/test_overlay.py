@@ -7,7 +7,7 @@ import pytest
 
 import vnav
 from tests.lighting.lamp import LampLit
-from tests.overlays.marked import BUMPER, Marked, Resting
+from tests.overlays.marked import BUMPER, Marked, Resting, Standing
 from vnav.checking.capture_report import summary
 from vnav.config import CaptureConfig, Config
 from vnav.core.frame import Frame
@@ -39,6 +39,10 @@ def test_a_scene_is_no_overlay(capture: Capture, made: type[DerivedCapture]) -> 
 def test_what_a_resting_camera_shows_is_no_overlay(capture: Capture, marked: Marked) -> None:
     assert overlay_of(Resting(capture, 1)) is None
     assert overlay_of(Resting(marked, 1)) is None  # nothing tells them apart
+
+
+def test_a_scene_that_a_trembling_camera_stands_before_is_no_overlay(capture: Capture) -> None:
+    assert overlay_of(Standing(capture)) is None
 
 
 def test_a_scene_before_which_the_camera_rested_for_half_of_the_time_is_none(

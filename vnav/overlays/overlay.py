@@ -8,6 +8,7 @@ import dataclasses
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from functools import lru_cache
+from itertools import combinations
 
 import cv2
 import numpy as np
@@ -21,8 +22,9 @@ from vnav.io.sources.derived import DerivedCapture
 
 FRAMES, LEAST_VIEWS = 24, 10  # of the capture, evenly, and those of them that differ
 WIDTH_PX = 640  # of the images that are compared, at most
-STRIDE_PX, CELLS = 8, (20, 15)  # of pixels, and into how many, frames are compared
+COARSE_WIDTH_PX, CELLS = 80, (20, 15)  # where frames are compared: a hand that trembles is nothing
 SAME = 0.7  # correlation of the gradients of a cell that shows the same
+STANDS = 0.1  # share of pairs of views in which half of the cells show the same: the camera stands
 EDGE = 4.0  # grey levels a pixel, of the mean of all views
 STEADY = 1.4  # times what it differs by between them
 OF_SCENE = 1 / 80  # of the width: so near to an edge, features see it
@@ -70,46 +72,72 @@ def overlay_of(capture: Capture) -> Pixels | None:
     """
     rows = np.unique(np.linspace(0, len(capture) - 1, min(FRAMES, len(capture))).astype(int))
     with ThreadPoolExecutor() as pool:
-        found = list(pool.map(lambda row: _gradient(capture, row), rows.tolist()))
+        found = list(pool.map(lambda row: _grey(capture, row), rows.tolist()))
     known = [each for each in found if each is not None]
     views = _different([each for each in known if each.shape == known[0].shape])
-    if len(views) < LEAST_VIEWS:
+    if len(views) < LEAST_VIEWS or _is_of_resting_camera(views):
         return None
-    overlay = _grown(_standing(views))
+    overlay = _grown(_standing([_gradient(grey) for grey in views]))
     return overlay if 0 < overlay.mean() <= MOST else None
 
 
-def _gradient(capture: Capture, row: int) -> Floats | None:
-    """How brightness changes (h, w, 2), a pixel to the right and below."""
+def _grey(capture: Capture, row: int) -> NDArray[np.uint8] | None:
+    """A frame's brightness (h, w)."""
     try:
         color = np.asarray(capture.read(row).color)
     except CaptureError:
         return None
     grey = cv2.cvtColor(color, cv2.COLOR_RGB2GRAY)
-    height, width = grey.shape
-    if width > WIDTH_PX:
-        size = WIDTH_PX, max(1, round(height * WIDTH_PX / width))
-        grey = cv2.resize(grey, size, interpolation=cv2.INTER_AREA)
+    return _narrowed(grey, WIDTH_PX) if grey.shape[1] > WIDTH_PX else grey
+
+
+def _narrowed(grey: NDArray[np.uint8], width: int) -> NDArray[np.uint8]:
+    """An image of that width."""
+    size = width, max(1, round(len(grey) * width / grey.shape[1]))
+    return np.asarray(cv2.resize(grey, size, interpolation=cv2.INTER_AREA), np.uint8)
+
+
+def _gradient(grey: NDArray[np.uint8]) -> Floats:
+    """How brightness changes (h, w, 2), a pixel to the right and below."""
     along = [cv2.Sobel(grey, cv2.CV_32F, *axis, scale=1 / 8) for axis in ((1, 0), (0, 1))]
     return np.stack(along, -1)
 
 
-def _different(gradients: Sequence[Floats]) -> list[Floats]:
+def _different(greys: Sequence[NDArray[np.uint8]]) -> list[NDArray[np.uint8]]:
     """Those that show other edges than each before them: a camera that rests shows one view."""
     chosen: list[int] = []
-    few = [each[::STRIDE_PX, ::STRIDE_PX] for each in gradients]
-    for k, each in enumerate(few):
-        if not any(_is_same_view(each, few[before]) for before in chosen):
+    coarse = [_coarse(each) for each in greys]
+    for k, each in enumerate(coarse):
+        if not any(_is_same_view(each, coarse[before]) for before in chosen):
             chosen.append(k)
-    return [gradients[k] for k in chosen]
+    return [greys[k] for k in chosen]
+
+
+def _coarse(grey: NDArray[np.uint8]) -> Floats:
+    """How the brightness of a small image changes."""
+    return _gradient(_narrowed(grey, COARSE_WIDTH_PX))
 
 
 def _is_same_view(a: Floats, b: Floats) -> bool:
     """Whether most cells with edges of two images' gradients (h, w, 2) show the same edges."""
+    same, edges = _same(a, b)
+    return bool(same.sum() > MOST * max(edges.sum(), 1))
+
+
+def _is_of_resting_camera(greys: Sequence[NDArray[np.uint8]]) -> bool:
+    """Whether views differ by who walks through them alone: most of what they show comes back."""
+    coarse = [_coarse(each) for each in greys]
+    pairs = [_same(a, b) for a, b in combinations(coarse, 2)]
+    same, edges = (np.sum(of_pairs, 0) for of_pairs in zip(*pairs, strict=True))
+    return bool(np.median(same[edges > 0] / edges[edges > 0]) > STANDS)
+
+
+def _same(a: Floats, b: Floats) -> tuple[Pixels, Pixels]:
+    """Cells that show the same edges in two images' gradients (h, w, 2), and those with edges."""
     both, of_a, of_b = (_in_cells((x * y).sum(-1)) for x, y in ((a, b), (a, a), (b, b)))
     strong = np.sqrt(of_a * of_b)
     edges = strong > EDGE
-    return bool((both > SAME * strong)[edges].sum() > MOST * max(edges.sum(), 1))
+    return edges & (both > SAME * strong), edges
 
 
 def _in_cells(image: Floats) -> Floats:
