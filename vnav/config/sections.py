@@ -343,7 +343,7 @@ class MaskingConfig(Section, path="masking"):
     )
     min_region_px: int = whole(200, "[0, 100000000]", "px", "a smaller region is not masked")
     max_share: float = number(
-        0.7, "[0, 1]", "share", "a frame of which a larger share would be masked has no mask"
+        0.9, "[0, 1]", "share", "a frame of which a larger share would be masked has no mask"
     )
 
 

@@ -38,11 +38,11 @@ def walk(
     """
     at = np.arange(frames, dtype=float) if at is None else at
     x, y, yaw, *floor = _closed_curve(tour, frames, at)
-    z = sum(floor) + hand.height_m + _sway(at, 0.04, rng)
-    yaw = yaw + _sway(at, np.deg2rad(1.5), rng)
+    z = sum(floor) + hand.height_m + sway(at, 0.04, rng)
+    yaw = yaw + sway(at, np.deg2rad(1.5), rng)
     yaw = yaw + np.deg2rad(hand.pan_deg) * np.sin(2 * np.pi * at / hand.pan_frames)
-    pitch = np.deg2rad(hand.pitch_deg) + _sway(at, np.deg2rad(3), rng)
-    return look(np.stack([x, y, z], -1), yaw, pitch, _sway(at, np.deg2rad(1.5), rng))
+    pitch = np.deg2rad(hand.pitch_deg) + sway(at, np.deg2rad(3), rng)
+    return look(np.stack([x, y, z], -1), yaw, pitch, sway(at, np.deg2rad(1.5), rng))
 
 
 def frames_at(step_m: float, tour: ArrayLike) -> int:
@@ -97,7 +97,7 @@ def _effort(curve: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.maximum(np.hypot(steps[:, 0], steps[:, 1]), np.abs(steps[:, 2]) / STEP_RAD_PER_M)
 
 
-def _sway(at: NDArray[np.float64], size: float, rng: np.random.Generator) -> NDArray[np.float64]:
+def sway(at: NDArray[np.float64], size: float, rng: np.random.Generator) -> NDArray[np.float64]:
     """A sum of slow sines (M,) of frames, below ``size``; a period is 20 frames or more."""
     per_frame = rng.uniform(0.005, 0.05, 4)
     phases = rng.uniform(0, 2 * np.pi, 4)

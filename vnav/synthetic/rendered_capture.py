@@ -27,6 +27,7 @@ from vnav.synthetic.scene import Scene
 from vnav.synthetic.scenes import SCENES
 from vnav.synthetic.sensor import Sensor, gains, measured_color, measured_depth
 from vnav.synthetic.shutter import exposed_color
+from vnav.synthetic.staying import stay
 from vnav.synthetic.strolls import STEP_S
 
 UNITS_PER_METRE = 5000
@@ -57,6 +58,7 @@ class CaptureSpec:
     pitch_deg: float = -18.0
     pan_deg: float = 0.0  # to either side
     pan_s: float = 2.0  # there and back
+    motion: str = ""  # of a camera that stays where the tour begins, of `staying.MOTIONS`
     walkers: int = 0
     walker_share: float = 0.2
     uneven: float = 0.0  # share by which the step from frame to frame grows and shrinks
@@ -153,7 +155,7 @@ def with_walkers(scene: Scene, spec: CaptureSpec) -> Peopled | None:
 
 
 def camera_poses(scene: Scene | Peopled, spec: CaptureSpec) -> NDArray[np.float64]:
-    """T_world_camera (frames, 4, 4) along the scene's tour."""
+    """T_world_camera (frames, 4, 4) along the scene's tour, or where it begins."""
     return _poses(scene, spec, np.arange(spec.frames, dtype=float))
 
 
@@ -164,7 +166,10 @@ def _poses(
     turns_per_frame = 2 * np.pi / (PACE_S * spec.rate_hz)
     at = at + spec.uneven * (1 - np.cos(turns_per_frame * at)) / turns_per_frame
     hand = Hand(spec.height_m, spec.pitch_deg, spec.pan_deg, spec.pan_s * spec.rate_hz)
-    return walk(np.array(scene.tour), spec.frames, hand, _rng(spec, 0), at)
+    tour, rng = np.array(scene.tour), _rng(spec, 0)
+    if spec.motion:
+        return stay(spec.motion, tour[0], hand, rng, at / spec.rate_hz)
+    return walk(tour, spec.frames, hand, rng, at)
 
 
 def photo_poses(scene: Scene, spec: CaptureSpec) -> NDArray[np.float64]:
