@@ -55,6 +55,16 @@ def test_a_scene_before_which_the_camera_rested_for_half_of_the_time_is_none(
     assert overlay.mean() < 2 * marked.marks.mean() + 0.1
 
 
+@pytest.mark.filterwarnings("error")
+def test_black_images_show_no_overlay(capture: Capture) -> None:
+    class Black(DerivedCapture):
+        def read(self, index: int) -> Frame:
+            frame = super().read(index)
+            return dataclasses.replace(frame, color=np.zeros_like(frame.color))
+
+    assert overlay_of(Black(capture)) is None
+
+
 def test_frames_that_cannot_be_read_are_left_out(marked: Marked) -> None:
     class Damaged(DerivedCapture):
         def read(self, index: int) -> Frame:

@@ -129,7 +129,8 @@ def _is_of_resting_camera(greys: Sequence[NDArray[np.uint8]]) -> bool:
     coarse = [_coarse(each) for each in greys]
     pairs = [_same(a, b) for a, b in combinations(coarse, 2)]
     same, edges = (np.sum(of_pairs, 0) for of_pairs in zip(*pairs, strict=True))
-    return bool(np.median(same[edges > 0] / edges[edges > 0]) > STANDS)
+    seen = edges > 0
+    return not seen.any() or bool(np.median(same[seen] / edges[seen]) > STANDS)
 
 
 def _same(a: Floats, b: Floats) -> tuple[Pixels, Pixels]:
