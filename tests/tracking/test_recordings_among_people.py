@@ -1,5 +1,6 @@
 """Recordings among people: who stand still as they begin and walk off, and who fill the view."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -10,7 +11,7 @@ from vnav.config import load
 from vnav.core import se3
 from vnav.core.arrays import Array
 from vnav.stages.odometry import track
-from vnav.synthetic import CaptureSpec
+from vnav.synthetic import MINIATURE, CaptureSpec
 from vnav.synthetic.rendered_capture import KINECT, PHONE
 
 pytestmark = pytest.mark.slow
@@ -19,19 +20,7 @@ DOORWAY = CaptureSpec("apartment", 300, 0, KINECT, PHONE, walkers=4, walker_shar
 ROOM = CaptureSpec(
     "one_room", 150, 0, KINECT.scaled(320, 240), PHONE, seed=2, walkers=3, walker_share=0.35
 )
-STAYING = CaptureSpec(
-    "one_room",
-    450,
-    0,
-    KINECT.scaled(320, 240),
-    PHONE,
-    rate_hz=30.0,
-    height_m=1.1,
-    pitch_deg=-20.0,
-    motion="xyz",
-    walkers=3,
-    walker_share=0.5,
-)
+STAYING = replace(MINIATURE, frames=450, rate_hz=30.0, motion="xyz", walkers=3, walker_share=0.5)
 
 
 @pytest.mark.parametrize(

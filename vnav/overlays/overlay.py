@@ -5,7 +5,7 @@ What agrees on standing still would hold the camera for standing still.
 """
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from functools import lru_cache
 from itertools import combinations
@@ -74,10 +74,13 @@ def overlay_of(capture: Capture) -> Pixels | None:
     with ThreadPoolExecutor() as pool:
         found = list(pool.map(lambda row: _grey(capture, row), rows.tolist()))
     known = [each for each in found if each is not None]
-    views = _different([each for each in known if each.shape == known[0].shape])
-    if len(views) < LEAST_VIEWS or _is_of_resting_camera(views):
+    greys = [each for each in known if each.shape == known[0].shape]
+    coarse = [_gradient(_narrowed(grey, COARSE_WIDTH_PX)) for grey in greys]
+    pairs = {(i, j): _same(coarse[i], coarse[j]) for i, j in combinations(range(len(greys)), 2)}
+    views = _different(len(greys), pairs)
+    if len(views) < LEAST_VIEWS or _is_resting([pairs[pair] for pair in combinations(views, 2)]):
         return None
-    overlay = _grown(_standing([_gradient(grey) for grey in views]))
+    overlay = _grown(_standing([_gradient(greys[k]) for k in views]))
     return overlay if 0 < overlay.mean() <= MOST else None
 
 
@@ -103,42 +106,35 @@ def _gradient(grey: NDArray[np.uint8]) -> Floats:
     return np.stack(along, -1)
 
 
-def _different(greys: Sequence[NDArray[np.uint8]]) -> list[NDArray[np.uint8]]:
-    """Those that show other edges than each before them: a camera that rests shows one view."""
-    chosen: list[int] = []
-    coarse = [_coarse(each) for each in greys]
-    for k, each in enumerate(coarse):
-        if not any(_is_same_view(each, coarse[before]) for before in chosen):
-            chosen.append(k)
-    return [greys[k] for k in chosen]
-
-
-def _coarse(grey: NDArray[np.uint8]) -> Floats:
-    """How the brightness of a small image changes."""
-    return _gradient(_narrowed(grey, COARSE_WIDTH_PX))
-
-
-def _is_same_view(a: Floats, b: Floats) -> bool:
-    """Whether most cells with edges of two images' gradients (h, w, 2) show the same edges."""
-    same, edges = _same(a, b)
-    return bool(same.sum() > MOST * max(edges.sum(), 1))
-
-
-def _is_of_resting_camera(greys: Sequence[NDArray[np.uint8]]) -> bool:
-    """Whether views differ by who walks through them alone: most of what they show comes back."""
-    coarse = [_coarse(each) for each in greys]
-    pairs = [_same(a, b) for a, b in combinations(coarse, 2)]
-    same, edges = (np.sum(of_pairs, 0) for of_pairs in zip(*pairs, strict=True))
-    seen = edges > 0
-    return not seen.any() or bool(np.median(same[seen] / edges[seen]) > STANDS)
-
-
 def _same(a: Floats, b: Floats) -> tuple[Pixels, Pixels]:
     """Cells that show the same edges in two images' gradients (h, w, 2), and those with edges."""
     both, of_a, of_b = (_in_cells((x * y).sum(-1)) for x, y in ((a, b), (a, a), (b, b)))
     strong = np.sqrt(of_a * of_b)
     edges = strong > EDGE
     return edges & (both > SAME * strong), edges
+
+
+def _different(count: int, pairs: Mapping[tuple[int, int], tuple[Pixels, Pixels]]) -> list[int]:
+    """Images that show other edges than each before them, in most cells with edges.
+
+    ``pairs``: what `_same` says of any two. A camera that rests shows one view.
+    """
+    chosen: list[int] = []
+    for k in range(count):
+        compared = [pairs[before, k] for before in chosen]
+        if not any(same.sum() > MOST * max(edges.sum(), 1) for same, edges in compared):
+            chosen.append(k)
+    return chosen
+
+
+def _is_resting(pairs: Sequence[tuple[Pixels, Pixels]]) -> bool:
+    """Whether views differ by who walks through them alone: most of what they show comes back.
+
+    ``pairs``: what `_same` says of any two.
+    """
+    same, edges = (np.sum(of_pairs, 0) for of_pairs in zip(*pairs, strict=True))
+    seen = edges > 0
+    return not seen.any() or bool(np.median(same[seen] / edges[seen]) > STANDS)
 
 
 def _in_cells(image: Floats) -> Floats:

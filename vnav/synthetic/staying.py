@@ -7,11 +7,9 @@ static, xyz, rpy and halfsphere of sitting and of walking people.
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 
+from vnav.core.arrays import Array
 from vnav.synthetic.path import Hand, look, sway
-
-Array = NDArray[np.float64]
 
 SWAYS_PER_S = 10.0  # frames of `sway`: no period is shorter than 2 s
 TREMOR_M, TREMOR_RAD = 0.01, np.deg2rad(0.6)  # at most
@@ -38,15 +36,18 @@ def stay(motion: str, place: Array, hand: Hand, rng: np.random.Generator, at_s: 
 
 
 def _static(at_s: Array) -> tuple[Array, Array]:
-    return np.zeros((len(at_s), 3)), np.zeros((len(at_s), 3))
+    none = np.zeros((len(at_s), 3))
+    return none, none
 
 
 def _xyz(at_s: Array) -> tuple[Array, Array]:
-    return REACH_M * _in_turn(at_s), np.zeros((len(at_s), 3))
+    each = _in_turn(at_s)
+    return REACH_M * each, 0 * each
 
 
 def _rpy(at_s: Array) -> tuple[Array, Array]:
-    return np.zeros((len(at_s), 3)), TURN_RAD * _in_turn(at_s)
+    each = _in_turn(at_s)
+    return 0 * each, TURN_RAD * each
 
 
 def _halfsphere(at_s: Array) -> tuple[Array, Array]:
