@@ -96,6 +96,15 @@ def test_edges_without_depth_belong_to_the_region_they_border() -> None:
     assert not result[:, 51:].any()
 
 
+def test_a_body_goes_on_where_it_is_too_near_for_the_sensor() -> None:
+    for body_m, rows, goes_on in ((0.6, 60, True), (0.6, 25, False), (1.2, 60, False)):
+        inverse_depth = np.full(SHAPE, 1 / 3.0)
+        inverse_depth[:rows, :40] = 1 / body_m
+        inverse_depth[:, :20] = 0
+        result = np.isfinite(completed(moved(inverse_depth > 0.5), view(inverse_depth)))
+        assert result[:, :15].all() == goes_on
+
+
 def test_of_other_regions_those_are_taken_that_touch() -> None:
     touching, apart = np.s_[15:25, 50:60], np.s_[15:25, 65:75]
     assert np.array_equal(beside(blocks(SEED), blocks(touching, apart)), blocks(touching))

@@ -18,6 +18,8 @@ LEAST_SHARE = 0.006  # of the image, that a body has: regions that are smaller m
 WHOLE = 1 / 3  # of a surface: where so much moves, all of it does
 MAX_SAME = 5  # views that see a surface where it is, for it to be part of what moves
 EDGE = 2  # blocks without depth beside a region that are its own: the sensor has none at edges
+NEAR_M = 0.8  # what is nearer may have no depth: a sensor's range begins there or before
+BORDER = 0.5  # of a region without depth: where so much is near and moves, the region is too near
 
 
 def opened(blocks: Blocks) -> Blocks:
@@ -64,7 +66,10 @@ def grown(moved_s: Floats, votes: Votes, view: PosedView) -> Floats:
 
 
 def completed(moved_s: Floats, view: PosedView) -> Floats:
-    """Blocks (h, w) that move, with surfaces of which a third does, and edges without depth."""
+    """Blocks (h, w) that move, with surfaces of which a third does, and what has no depth.
+
+    That is at the edges of what moves, and where it is too near for the sensor.
+    """
     number = view.surfaces
     moving = np.isfinite(moved_s)
     sizes, found = np.bincount(number.flat), np.bincount(number.flat, moving.flat)
@@ -73,7 +78,20 @@ def completed(moved_s: Floats, view: PosedView) -> Floats:
     moving |= whole[number]
     for _ in range(EDGE):
         moving |= widened(moving) & (number == 0)
-    return joined(moved_s, moving, number)
+    return joined(moved_s, moving | _too_near(moving, view), number)
+
+
+def _too_near(moving: Blocks, view: PosedView) -> Blocks:
+    """Regions (h, w) without depth, most of whose border is near and moves."""
+    is_near = moving & (view.frame.inverse_depth > 1 / NEAR_M)
+    unknown = opened(view.surfaces == 0) if is_near.any() else is_near
+    count, labels = cv2.connectedComponents(unknown.astype(np.uint8), connectivity=4)
+    around = cv2.dilate(labels.astype(np.float32), AROUND).astype(np.intp)
+    border = (view.surfaces > 0) & (around > 0)
+    length = np.bincount(around[border], minlength=count)
+    near = np.bincount(around[border & is_near], minlength=count)
+    is_too_near = (near > 0) & (near >= BORDER * length)
+    return np.asarray(is_too_near[labels])
 
 
 def joined(moved_s: Floats, blocks: Blocks, number: NDArray[np.int32]) -> Floats:

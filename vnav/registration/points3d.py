@@ -1,6 +1,7 @@
 """Two frames registered by their matched features: claim 3, S3 to S5."""
 
 from dataclasses import dataclass, replace
+from functools import partial
 from math import ceil
 from typing import Protocol, cast
 
@@ -16,10 +17,12 @@ from vnav.core.mapping import FrameFeatures
 from vnav.registration.correspondences import Correspondences, ImagesInBlocks
 from vnav.registration.estimators import estimator
 from vnav.registration.far_features import RADIUS_PX, count_without_depth, points
+from vnav.registration.two_motions import two_motions
 
 TWINS_SOUGHT = 64  # of the matches that agree, evenly spread over them
 FITTING_SIGMAS = 6.0  # that a match may be off a pose that is predicted, and not measured
 MOTIONS = 3  # of a set of matches: the camera's, and those of what repeats or moves
+FINELY_ASKED = 150  # matches that are asked whether they show two motions
 
 
 class Matcher(Protocol):
@@ -86,10 +89,13 @@ class PointRegistration:
         """
         guided = self._guided(a, b, rng, predicted, count)
         if not isinstance(guided, Rejected) and self._is_sure(guided[0], a, b):
-            return [self._matched_again(guided[0], a, b)]
+            return self._with_parts(self._matched_again(guided[0], a, b), a, b, rng)
         unguided = self._unguided(a, b, rng, count)
         found = [e for way in (guided, unguided) if not isinstance(way, Rejected) for e in way]
-        return [self._matched_again(e, a, b) for e in found] or cast(Rejected, unguided)
+        again = [self._matched_again(e, a, b) for e in found]
+        return [p for e in again for p in self._with_parts(e, a, b, rng)] or cast(
+            Rejected, unguided
+        )
 
     def among_twins(
         self, a: FrameFeatures, b: FrameFeatures, rng: np.random.Generator, predicted: Array
@@ -255,6 +261,23 @@ class PointRegistration:
             taken = np.concatenate([estimate.inliers[:, 0], estimate.far[:, 0]])
             matches = matches[~np.isin(matches[:, 0], taken)]
         return found or rejected
+
+    def _with_parts(
+        self, whole: PoseEstimate, a: FrameFeatures, b: FrameFeatures, rng: np.random.Generator
+    ) -> list[PoseEstimate]:
+        """A motion, and those of two parts of its matches where it is one between the two.
+
+        What moves little from frame to frame agrees with what stands still, but for a few pixels.
+        """
+        every = ceil(len(whole.inliers) / FINELY_ASKED)
+        of, asked = partial(self._correspondences, a, b), whole.inliers[::every]
+        motions = two_motions(of, asked, self.config.ransac_iterations, rng)
+        if not motions:
+            return [whole]
+        squared = np.stack([of(whole.inliers).squared(T) for T in motions])
+        parts = [whole.inliers[squared.argmin(0) == k] for k in range(len(motions))]
+        refined = [self._refined(T, a, b, m) for T, m in zip(motions, parts, strict=True)]
+        return [whole, *(e for e in refined if isinstance(e, PoseEstimate))]
 
     def _matched_again(
         self, estimate: PoseEstimate, a: FrameFeatures, b: FrameFeatures
