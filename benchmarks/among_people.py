@@ -1,4 +1,4 @@
-"""Recordings that begin among people, and those by a camera that stays about one place.
+"""Recordings that begin among people, those by a camera that stays, and those among things.
 
     python benchmarks/among_people.py OUT [--scenes one_room apartment] [--seeds 2] [--record]
 
@@ -6,8 +6,9 @@ renders the walks past 35 % people that people.py takes to OUT/captures, once, a
 stretches of each up to its poses. Somebody who stands still when a stretch begins has never been
 seen to move. ATE is told as a share of the way. Then come the motions of TUM's recordings of
 walking people, in one_room at 30 Hz, where three people cover half of the view, and at times four
-fifths. Exit code 1 where a frame is lost, a camera that stays is off by more than `MOST_M`, or a
-map that is wrong, by that or by verdicts.py's measure, is not called doubtful.
+fifths; and things that move as a whole before a camera on a halfsphere and before one that walks.
+Exit code 1 where a frame is lost, a camera that stays is off by more than `MOST_M`, or a map that
+is wrong, by that or by verdicts.py's measure, is not called doubtful.
 """
 
 import argparse
@@ -26,6 +27,7 @@ from verdicts import WRONG, scored_and_doubtful, share_off, with_poses
 import vnav
 from vnav.config import Config
 from vnav.synthetic import CaptureSpec
+from vnav.synthetic.movers import MOVERS
 from vnav.synthetic.staying import MOTIONS
 
 SHARE = 0.35  # of the pixels
@@ -57,6 +59,12 @@ def staying(motion: str, seed: int, width: int) -> CaptureSpec:
     """A camera that stays about one place, past people who walk close by."""
     alone = replace(spec_of("one_room", 0.0, seed, width), frames=450, photos=0, rate_hz=30.0)
     return replace(alone, motion=motion, walkers=3, walker_share=0.5)
+
+
+def among_things(mover: str, motion: str, seed: int, width: int) -> CaptureSpec:
+    """A camera before something that moves as a whole; without a motion it walks."""
+    alone = replace(spec_of("one_room", 0.0, seed, width), frames=300, photos=0, rate_hz=30.0)
+    return replace(alone, motion=motion, mover=mover)
 
 
 def measured(
@@ -101,10 +109,20 @@ def of_staying(asked: argparse.Namespace) -> Iterator[Measurement]:
         yield from measured(on, capture, asked.out / "maps" / name, MOST_M)
 
 
+def of_things(asked: argparse.Namespace) -> Iterator[Measurement]:
+    """Recordings among things that move."""
+    for mover, motion, seed in product(MOVERS, ("halfsphere", ""), range(asked.seeds)):
+        name = f"{mover}_{motion or 'walk'}_seed{seed}"
+        spec = among_things(mover, motion, seed, asked.width)
+        capture = rendered(asked.out / "captures" / name, spec)
+        on = f"one_room, {mover}, {motion or 'a walk'}, seed {seed}"
+        yield from measured(on, capture, asked.out / "maps" / name, MOST_M)
+
+
 def main(arguments: Sequence[str] | None = None) -> int:
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     parser.add_argument("out", type=Path, help="of captures, which are rendered once, and of maps")
-    scenes = "of the walks; none: only the cameras that stay"
+    scenes = "of the walks; none: only the cameras that stay, and things"
     parser.add_argument(
         "--scenes", nargs="*", choices=list(FRAMES), default=list(FRAMES), help=scenes
     )
@@ -113,7 +131,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     add_record_option(parser)
     asked = parser.parse_args(arguments)
     (asked.out / "captures").mkdir(parents=True, exist_ok=True)
-    found = [*of_stretches(asked), *of_staying(asked)]
+    found = [*of_stretches(asked), *of_staying(asked), *of_things(asked)]
     return conclude("among_people", found, asked, arguments)
 
 

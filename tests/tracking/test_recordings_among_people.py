@@ -1,4 +1,4 @@
-"""Recordings among people: who stand still as they begin and walk off, and who fill the view."""
+"""Recordings among people, who stand still as they begin or fill the view, and among things."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -19,6 +19,9 @@ pytestmark = pytest.mark.slow
 DOORWAY = CaptureSpec("apartment", 300, 0, KINECT, PHONE, walkers=4, walker_share=0.35)
 ROOM = CaptureSpec(
     "one_room", 150, 0, KINECT.scaled(320, 240), PHONE, seed=2, walkers=3, walker_share=0.35
+)
+BEFORE_A_PANEL = CaptureSpec(
+    "one_room", 300, 0, KINECT, PHONE, 30.0, motion="halfsphere", mover="panel"
 )
 STAYING = replace(MINIATURE, frames=450, rate_hz=30.0, motion="xyz", walkers=3, walker_share=0.5)
 
@@ -43,6 +46,14 @@ def test_the_room_tells_the_motion_where_people_cover_four_fifths_of_the_view(
     """So they do from row 356 to row 364, and walk 2 to 4 cm a frame: edges follow the room."""
     off_m = errors_m(STAYING, range(310, 376), tmp_path)
     assert np.sqrt(np.mean(off_m**2)) < 0.01
+
+
+def test_the_room_tells_the_motion_where_a_panel_slides_by_fifteen_mm_a_frame(
+    tmp_path: Path,
+) -> None:
+    """4 px: a motion between its own and the camera's is within the threshold of all matches."""
+    off_m = errors_m(BEFORE_A_PANEL, range(40), tmp_path)
+    assert np.sqrt(np.mean(off_m**2)) < 0.003
 
 
 def errors_m(walk: CaptureSpec, rows: range, folder: Path) -> Array:

@@ -41,6 +41,34 @@ def best_motion(
 
 
 @compiled
+def sharpest_motion(
+    samples: NDArray[np.intp],
+    points_a: Array,
+    points_b: Array,
+    px_b: Array,
+    camera: Array,
+    sigmas: Array,
+    asked: int,
+) -> Array:
+    """``T_a_b`` (4, 4) of that sample (S, 3) which so many matches agree with most closely.
+
+    Least quantile of squares: Rousseeuw 1984, "Least median of squares regression".
+    """
+    best, least = np.eye(4), np.inf
+    squared = np.empty(len(points_a))
+    for trial in range(len(samples)):
+        rows = samples[trial]
+        T_b_a = _aligned(points_b[rows], points_a[rows])
+        for m in range(len(points_a)):
+            squared[m] = _squared(T_b_a, points_a[m], points_b[m], px_b[m], camera, sigmas)
+        quantile = np.partition(squared, asked)[asked]
+        if quantile < least:
+            best, least = T_b_a, quantile
+    T_a_b: Array = inverse(best)
+    return T_a_b
+
+
+@compiled
 def _aligned(points_a: Array, points_b: Array) -> Array:
     """``T_a_b`` between three matched points; see `vnav.core.se3.align`."""
     mean_a, mean_b = np.zeros(3), np.zeros(3)
@@ -68,22 +96,30 @@ def _cost(
 ) -> tuple[float, int]:
     """Truncated squared residuals summed, and inliers; left off where it exceeds ``max_cost``."""
     cost, inliers = 0.0, 0
-    fx, fy, cx, cy = camera
     for m in range(len(points_a)):
-        X, Y, Z = points_a[m]
-        z = T[2, 0] * X + T[2, 1] * Y + T[2, 2] * Z + T[2, 3]
-        squared = 1.0
-        if z > MIN_Z_M:
-            x = T[0, 0] * X + T[0, 1] * Y + T[0, 2] * Z + T[0, 3]
-            y = T[1, 0] * X + T[1, 1] * Y + T[1, 2] * Z + T[1, 3]
-            u = (fx * x / z + cx - px_b[m, 0]) / limits[0]
-            v = (fy * y / z + cy - px_b[m, 1]) / limits[1]
-            squared = u * u + v * v
-            if points_b[m, 2] > 0:  # false for NaN
-                w = (1 / z - 1 / points_b[m, 2]) / limits[2]
-                squared += w * w
+        squared = _squared(T, points_a[m], points_b[m], px_b[m], camera, limits)
         inliers += squared < 1
         cost += min(squared, 1.0)
         if cost > max_cost:
             break
     return cost, inliers
+
+
+@compiled
+def _squared(
+    T: Array, point_a: Array, point_b: Array, px_b: Array, camera: Array, limits: Array
+) -> float:
+    """Squared residual of a match, of pixel and of inverse depth in b, each by its limit."""
+    X, Y, Z = point_a
+    z = T[2, 0] * X + T[2, 1] * Y + T[2, 2] * Z + T[2, 3]
+    if not z > MIN_Z_M:
+        return np.inf
+    x = T[0, 0] * X + T[0, 1] * Y + T[0, 2] * Z + T[0, 3]
+    y = T[1, 0] * X + T[1, 1] * Y + T[1, 2] * Z + T[1, 3]
+    u = (camera[0] * x / z + camera[2] - px_b[0]) / limits[0]
+    v = (camera[1] * y / z + camera[3] - px_b[1]) / limits[1]
+    squared = u * u + v * v
+    if point_b[2] > 0:  # false for NaN
+        w = (1 / z - 1 / point_b[2]) / limits[2]
+        squared += w * w
+    return float(squared)

@@ -11,7 +11,7 @@ from vnav.core.arrays import Array
 from vnav.core.camera import Intrinsics
 from vnav.core.mapping import FrameFeatures
 from vnav.core.reduced_frame import ReducedFrame
-from vnav.registration.consensus import best_motion
+from vnav.registration.consensus import best_motion, sharpest_motion
 from vnav.registration.far_features import KNOWN, inverse_depths, points
 from vnav.registration.refinement import gauss_newton, normal_equations
 
@@ -111,6 +111,23 @@ class Correspondences:
             self._cameras[1],
             limits,
             confidence,
+        )
+        return T_a_b
+
+    def sharpest(self, samples: NDArray[np.intp], share: float) -> Array:
+        """``T_a_b`` (4, 4) of that sample (S, 3) which a share of the matches agrees with best.
+
+        Samples as for `consensus`.
+        """
+        row, count = np.cumsum(self.of_a) - 1, int(self.of_a.sum())
+        T_a_b: Array = sharpest_motion(
+            row[samples],
+            self._source[self.of_a],
+            self._points_b[self.of_a],
+            self._target[self.of_a, :2],
+            self._cameras[1],
+            np.repeat(self._sigmas, (2, 1)),
+            int(share * (count - 1)),
         )
         return T_a_b
 

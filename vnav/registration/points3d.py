@@ -22,7 +22,7 @@ from vnav.registration.two_motions import two_motions
 TWINS_SOUGHT = 64  # of the matches that agree, evenly spread over them
 FITTING_SIGMAS = 6.0  # that a match may be off a pose that is predicted, and not measured
 MOTIONS = 3  # of a set of matches: the camera's, and those of what repeats or moves
-FINELY_ASKED = 150  # matches that are asked whether they show two motions
+FINELY_ASKED = 100  # matches that are asked whether they show two motions
 
 
 class Matcher(Protocol):
@@ -271,7 +271,7 @@ class PointRegistration:
         """
         every = ceil(len(whole.inliers) / FINELY_ASKED)
         of, asked = partial(self._correspondences, a, b), whole.inliers[::every]
-        motions = two_motions(of, asked, self.config.ransac_iterations, rng)
+        motions = two_motions(of, asked, rng)
         if not motions:
             return [whole]
         squared = np.stack([of(whole.inliers).squared(T) for T in motions])

@@ -15,18 +15,14 @@ from vnav.registration.correspondences import Correspondences
 
 Matches = NDArray[np.int32]
 
-SAMPLE, CONFIDENCE = 3, 0.99
-ROUGH_SIGMAS = 1.5  # of the settings, within which the matches of one motion are
+SAMPLE, SAMPLES = 3, 60  # matches, and how often: of 40 % of them one is whole but for 2 %
+SHARE, CHI_SQUARED = 0.25, 1.213  # of right matches those are below, with 3 degrees of freedom
 FINE_SIGMAS = 3.5  # of those that agree best
-QUARTER = 1.213  # of chi-squared, 3 degrees of freedom: a quarter of the right matches is below
 SIZEABLE = 0.15  # share of the matches that each motion has
 
 
 def two_motions(
-    of: Callable[[Matches], Correspondences],
-    matches: Matches,
-    iterations: int,
-    rng: np.random.Generator,
+    of: Callable[[Matches], Correspondences], matches: Matches, rng: np.random.Generator
 ) -> list[Array]:
     """Two ``T_a_b`` (4, 4) that matches (M, 2) of one motion are made of; empty where there is one.
 
@@ -35,9 +31,8 @@ def two_motions(
     left, found = matches[of(matches).has_both_depths], list[Array]()
     least, limit = max(SAMPLE, SIZEABLE * len(left)), np.inf
     while len(left) >= least and len(found) < 2:
-        T_a_b = _finest(of, left, iterations, rng)
-        squared = of(left).squared(T_a_b)
-        limit = min(limit, FINE_SIGMAS**2 * np.quantile(squared, 0.25) / QUARTER)
+        T_a_b, squared = _sharpest(of, left, rng)
+        limit = min(limit, _limit(squared))
         fits = squared < limit
         if fits.sum() < least:
             break
@@ -46,15 +41,18 @@ def two_motions(
     return found if len(found) == 2 else []
 
 
-def _finest(
-    of: Callable[[Matches], Correspondences],
-    matches: Matches,
-    iterations: int,
-    rng: np.random.Generator,
-) -> Array:
-    """The motion that most matches agree with in little more than noise, by those that do."""
-    samples, measured = rng.integers(len(matches), size=(iterations, SAMPLE)), of(matches)
-    T_a_b = measured.consensus(samples, ROUGH_SIGMAS, CONFIDENCE)
-    near = measured.squared(T_a_b) < ROUGH_SIGMAS**2
-    refined: Array = of(matches[near]).refined(T_a_b)[0] if near.sum() >= SAMPLE else T_a_b
-    return refined
+def _sharpest(
+    of: Callable[[Matches], Correspondences], matches: Matches, rng: np.random.Generator
+) -> tuple[Array, Array]:
+    """The motion that a quarter of the matches agrees with most closely, and squared residuals."""
+    measured = of(matches)
+    T_a_b = measured.sharpest(rng.integers(len(matches), size=(SAMPLES, SAMPLE)), SHARE)
+    squared = measured.squared(T_a_b)
+    near = matches[squared <= _limit(squared)]
+    T_a_b = of(near).refined(T_a_b)[0]
+    return T_a_b, measured.squared(T_a_b)
+
+
+def _limit(squared: Array) -> float:
+    """Of squared residuals (M,), by those that agree best."""
+    return float(FINE_SIGMAS**2 / CHI_SQUARED * np.quantile(squared, SHARE))

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vnav.core.camera import Intrinsics
-from vnav.synthetic.people import Peopled, Walker
+from vnav.synthetic.people import Mover, Peopled
 
 AROUND_S = 3.0  # who moves this much before or after counts as moving
 SAMPLE_S = 0.1
@@ -37,7 +37,7 @@ def write_mask(folder: Path, frame: int, walkers: NDArray[np.uint8]) -> None:
     cv2.imwrite(str(folder / MASKS / _name(frame)), walkers)
 
 
-def write_moving(folder: Path, walkers: Sequence[Walker], times_s: NDArray[np.float64]) -> None:
+def write_moving(folder: Path, walkers: Sequence[Mover], times_s: NDArray[np.float64]) -> None:
     """Write moving.txt: a mask's name, and the numbers of those who move within AROUND_S of it."""
     lines = ["# mask, walkers who move within 3 s before or after"]
     for k, moving in enumerate(moving_around(walkers, times_s)):
@@ -45,10 +45,10 @@ def write_moving(folder: Path, walkers: Sequence[Walker], times_s: NDArray[np.fl
     (folder / MOVING).write_text("\n".join(lines) + "\n", "utf-8")
 
 
-def moving_around(walkers: Sequence[Walker], times_s: NDArray[np.float64]) -> list[list[int]]:
+def moving_around(walkers: Sequence[Mover], times_s: NDArray[np.float64]) -> list[list[int]]:
     """Numbers of those who move within AROUND_S of each time, while the capture lasts."""
     samples = np.arange(times_s[0], times_s[-1] + SAMPLE_S, SAMPLE_S)
-    moves = [walker.stroll.moves_at for walker in walkers]
+    moves = [walker.moves_at for walker in walkers]
     table = np.array([[move(t) for move in moves] for t in samples.tolist()])
     near = np.abs(times_s[:, None] - samples) <= AROUND_S
     return [(np.flatnonzero(table[row].any(0)) + 1).tolist() for row in near]

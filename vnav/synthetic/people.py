@@ -1,8 +1,9 @@
-"""Scenes with people in them: where everybody is at a time, and what of a picture is whose."""
+"""Scenes in which somebody or something moves: where at a time, and what of a picture is whose."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -23,6 +24,19 @@ WAVE, WAVE_S = 0.4, 8.0  # the wanted share comes and goes by this much of itsel
 TRIES, CLOSE, ENOUGH = 6, 0.05, 0.2  # relative error of the share: done at once, at most
 
 
+class Mover(Protocol):
+    """Somebody or something that moves."""
+
+    def at(self, t_s: float) -> Rectangles:
+        """Its faces at a time."""
+
+    def images(self) -> list[NDArray[np.uint8]]:
+        """A texture for each of them, in their order."""
+
+    def moves_at(self, t_s: float) -> bool:
+        """Whether any of it moves."""
+
+
 @dataclass(frozen=True)
 class Walker:
     """Somebody and their way."""
@@ -33,6 +47,14 @@ class Walker:
     def at(self, t_s: float) -> Rectangles:
         """The body's faces at a time."""
         return self.figure.rectangles(self.stroll.at(t_s))
+
+    def images(self) -> list[NDArray[np.uint8]]:
+        """Of body and clothes."""
+        return self.figure.images()
+
+    def moves_at(self, t_s: float) -> bool:
+        """Whether any of the body moves."""
+        return self.stroll.moves_at(t_s)
 
 
 @dataclass(frozen=True)
@@ -70,10 +92,10 @@ class Moment:
 
 @dataclass(frozen=True)
 class Peopled:
-    """A scene with walkers in it."""
+    """A scene in which walkers move, or things that are none."""
 
     scene: Scene
-    walkers: tuple[Walker, ...]
+    walkers: tuple[Mover, ...]
 
     def at(self, t_s: float) -> Moment:
         """The scene with everybody where they are at that time."""
@@ -88,7 +110,7 @@ class Peopled:
     @cached_property
     def textures(self) -> Textures:
         """Of the scene's faces and of everybody's, in the order of a moment's rectangles."""
-        images = [image for walker in self.walkers for image in walker.figure.images()]
+        images = [image for walker in self.walkers for image in walker.images()]
         return self.scene.textures.followed_by(pyramids(images))
 
 

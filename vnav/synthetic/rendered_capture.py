@@ -5,7 +5,7 @@ import os
 import tempfile
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from importlib import resources
 from pathlib import Path
 
@@ -21,6 +21,7 @@ from vnav.core.progress import Progress, silent
 from vnav.errors import CaptureError
 from vnav.io.formats.grid_files import write_grid
 from vnav.synthetic.masks import write_masks
+from vnav.synthetic.movers import moving_thing
 from vnav.synthetic.path import Hand, look, walk
 from vnav.synthetic.people import Peopled, peopled
 from vnav.synthetic.scene import Scene
@@ -61,6 +62,7 @@ class CaptureSpec:
     motion: str = ""  # of a camera that stays where the tour begins, of `staying.MOTIONS`
     walkers: int = 0
     walker_share: float = 0.2
+    mover: str = ""  # a thing that moves before where the tour begins, of `movers.MOVERS`
     uneven: float = 0.0  # share by which the step from frame to frame grows and shrinks
     seed: int = 0
     sensor: Sensor = Sensor()
@@ -142,10 +144,14 @@ def write_capture(folder: Path, spec: CaptureSpec, progress: Progress = silent) 
 
 
 def with_walkers(scene: Scene, spec: CaptureSpec) -> Peopled | None:
-    """The scene with those who walk about in the capture, if anybody does; time 0 is frame 0.
+    """The scene with who and what moves in the capture, if anything does; time 0 is frame 0.
 
-    CaptureError where they cannot cover the share of pixels that is asked for.
+    CaptureError where walkers cannot cover the share of pixels that is asked for.
     """
+    if spec.mover:
+        thing = moving_thing(spec.mover, np.array(scene.tour[0]), spec.seed)
+        others = with_walkers(scene, replace(spec, mover=""))
+        return Peopled(scene, (*(others.walkers if others else ()), thing))
     if not spec.walkers:
         return None
     step = STEP_S * spec.rate_hz

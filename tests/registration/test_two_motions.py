@@ -1,0 +1,92 @@
+"""Two motions whose matches one motion between them takes for its own."""
+
+import numpy as np
+import pytest
+
+from vnav.config import RegistrationConfig
+from vnav.core import se3
+from vnav.core.arrays import Array
+from vnav.core.camera import Intrinsics
+from vnav.core.frame import Features
+from vnav.core.mapping import FrameFeatures
+from vnav.features.matching import DescriptorMatcher
+from vnav.features.sift import SPACE
+from vnav.registration.correspondences import Correspondences
+from vnav.registration.points3d import PointRegistration
+from vnav.registration.two_motions import two_motions
+
+CAMERA = Intrinsics(640, 480, 525.0, 525.0, 319.5, 239.5)
+CONFIG = RegistrationConfig()
+SHARP = 0.2  # of the noise in the settings, as rendered images have it
+COUNT = 150
+STILL = se3.exp([0.002, -0.004, 0.001, 0.006, -0.002, 0.003])  # of the camera, in a step at 30 Hz
+SLIDES = se3.make(np.eye(3), np.array([0.015, 0, 0]))  # 0.45 m/s: 4 px at 2 m
+
+
+def views(
+    rng: np.random.Generator, moves: float, noise: float
+) -> tuple[FrameFeatures, FrameFeatures]:
+    """Of a room 2.5 to 4 m away, and before it a share of points 2 m away that slide."""
+    px = rng.uniform([20, 20], [619, 459], (COUNT, 2))
+    is_moving = np.arange(COUNT) < moves * COUNT
+    depth_m = np.where(is_moving, 2.0, rng.uniform(2.5, 4, COUNT))
+    before = CAMERA.unproject(px, depth_m)
+    after = np.where(is_moving[:, None], se3.transform(SLIDES, before), before)
+    descriptors = rng.integers(0, 100, (COUNT, 128)).astype(np.uint8)
+    points = before, se3.transform(se3.inverse(STILL), after)
+    a, b = (measured(p, descriptors, rng, noise) for p in points)
+    return a, b
+
+
+def measured(
+    points: Array, descriptors: np.ndarray, rng: np.random.Generator, noise: float
+) -> FrameFeatures:
+    """What the camera sees of points (N, 3), with a share of the noise of the settings."""
+    px = CAMERA.project(points) + noise * CONFIG.pixel_sigma_px * rng.standard_normal((COUNT, 2))
+    w = 1 / points[:, 2] + noise * CONFIG.depth_sigma_per_m2 * rng.standard_normal(COUNT)
+    features = Features(px, descriptors, np.ones(COUNT), np.ones(COUNT), np.zeros(COUNT), SPACE)
+    return FrameFeatures(0, features, CAMERA.unproject(px, 1 / w))
+
+
+def found(seed: int, moves: float, noise: float) -> list[Array]:
+    rng = np.random.default_rng(seed)
+    a, b = views(rng, moves, noise)
+    matches = np.repeat(np.arange(COUNT, dtype=np.int32)[:, None], 2, 1)
+
+    def of(some: np.ndarray) -> Correspondences:
+        return Correspondences(a, b, some, (CAMERA, CAMERA), CONFIG)
+
+    return two_motions(of, matches, rng)
+
+
+def off_m(T_a_b: Array) -> float:
+    """How far a motion puts what stands still 3 m ahead from where it is."""
+    ahead = np.array([[0, 0, 3.0]])
+    return float(np.linalg.norm(se3.transform(T_a_b, ahead) - se3.transform(STILL, ahead)))
+
+
+@pytest.mark.parametrize("moves", [0.3, 0.5, 0.7])
+def test_a_panel_that_slides_by_four_pixels_is_told_from_the_room(moves: float) -> None:
+    """A tenth of what it slides by is three times the noise of 45 points."""
+    for seed in range(5):
+        motions = found(seed, moves, SHARP)
+        assert min(map(off_m, motions)) < 0.1 * SLIDES[0, 3]
+        assert max(map(off_m, motions)) > 0.5 * SLIDES[0, 3]
+
+
+@pytest.mark.parametrize("noise", [0.05, SHARP, 1.0])
+def test_a_room_in_which_nothing_moves_has_one_motion(noise: float) -> None:
+    assert not any(found(seed, 0.0, noise) for seed in range(20))
+
+
+def test_what_moves_on_a_tenth_of_the_matches_is_left_to_the_robust_refinement() -> None:
+    assert not any(found(seed, 0.1, SHARP) for seed in range(5))
+
+
+def test_the_motion_of_the_room_is_among_those_that_a_pair_of_frames_suggests() -> None:
+    pair = PointRegistration(CAMERA, CAMERA, CONFIG, DescriptorMatcher(CONFIG))
+    a, b = views(np.random.default_rng(0), 0.6, SHARP)
+    suggested = pair.hypotheses(a, b, np.random.default_rng(0), np.eye(4))
+    assert isinstance(suggested, list)
+    assert off_m(suggested[0].T_a_b) > 0.2 * SLIDES[0, 3]
+    assert min(off_m(e.T_a_b) for e in suggested) < 0.1 * SLIDES[0, 3]
