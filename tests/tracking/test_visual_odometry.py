@@ -1,5 +1,6 @@
 """Frames of a tiny capture that have few features or none."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -9,7 +10,7 @@ from vnav.config import Config, FeaturesConfig
 from vnav.core import se3
 from vnav.core.camera import Intrinsics
 from vnav.core.frame import Features, Frame
-from vnav.core.mapping import FrameFeatures, FrameTable, Odometry
+from vnav.core.mapping import LOST, FrameFeatures, FrameTable, Odometry
 from vnav.features import front_end
 from vnav.features.lifting import lift
 from vnav.io.formats.trajectories import read_tum
@@ -25,8 +26,14 @@ def truth(tiny_capture: Path) -> np.ndarray:
     return read_tum(tiny_capture / "groundtruth.txt").T_world_camera
 
 
-def tracked(frames: list[Frame], camera: Intrinsics, features_of_4: int) -> Odometry:
-    """The frames, one of which has no more than so many features."""
+def tracked(
+    frames: list[Frame],
+    camera: Intrinsics,
+    features_of_4: int = 700,
+    *,
+    is_4_elsewhere: bool = False,
+) -> Odometry:
+    """The frames, one of which has no more than so many features, or pixels of another place."""
     odometry = VisualOdometry(CONFIG)
     extract = front_end(CONFIG.features).extract
     for row, frame in enumerate(frames):
@@ -35,9 +42,15 @@ def tracked(frames: list[Frame], camera: Intrinsics, features_of_4: int) -> Odom
             features = first(features, features_of_4)
         px = features.keypoints_px
         points = lift(px, frame.depth_m, camera, CONFIG.registration)
-        odometry.add(FrameFeatures(row, features, points), frame, reduced(frame))
+        seen = elsewhere(frame) if row == 4 and is_4_elsewhere else frame
+        odometry.add(FrameFeatures(row, features, points), seen, reduced(seen))
     rows = np.arange(FRAMES, dtype=np.int32)
     return odometry.result(FrameTable(np.zeros_like(rows), rows, rows / 30.0))
+
+
+def elsewhere(frame: Frame) -> Frame:
+    """What another place may look like, half as far away."""
+    return replace(frame, color=frame.color[::-1].copy(), depth_m=frame.depth_m[::-1] / 2)
 
 
 def first(features: Features, count: int) -> Features:
@@ -77,5 +90,13 @@ def test_a_frame_that_few_features_hold_is_held_by_its_pixels_too(
 def test_a_frame_with_many_features_needs_no_other_pixels(
     frames: list[Frame], camera: Intrinsics, truth: np.ndarray
 ) -> None:
-    result = tracked(frames, camera, features_of_4=700)
+    result = tracked(frames, camera)
     assert len(squared_errors(result, truth, 3, 4)) == 1
+
+
+def test_a_frame_whose_pixels_refute_its_motion_is_lost(
+    frames: list[Frame], camera: Intrinsics
+) -> None:
+    result = tracked(frames, camera, is_4_elsewhere=True)
+    assert np.flatnonzero(result.segment == LOST).tolist() == [4]
+    assert result.reasons[4] == "the images refute its motion"

@@ -47,13 +47,12 @@ from vnav.registration.reduction import reduced
 from vnav.threads import one_blas_thread, one_opencv_thread
 from vnav.tracking.given_poses import GivenPoses, poses_at
 from vnav.tracking.odometry_builder import OdometryBuilder
-from vnav.tracking.visual_odometry import VisualOdometry
+from vnav.tracking.visual_odometry import TOO_MUCH, VisualOdometry
 
 SECTIONS = "capture", "features", "registration", "tracking", "masking", "odometry"
 MOST_MOVING = 4  # frames that are named
 Description = Callable[[int, Frame], FrameFeatures]
 Limit = AbstractContextManager[None]  # of the threads that each description takes
-TOO_MUCH = "most of what is seen moves"
 
 
 @one_blas_thread

@@ -34,6 +34,8 @@ from vnav.tracking.second_tracking import SecondTracking
 
 MAX_COARSE_SIGMA_M = 0.003  # of the translation, that all features would tell better
 COARSE_SHARE = 5 / 6  # so that keyframes are as dense as by all features
+TOO_MUCH = "most of what is seen moves"
+REFUTED = 0.05  # probability of a motion, below which it joins nothing
 
 
 class VisualOdometry:
@@ -96,13 +98,14 @@ class VisualOdometry:
         """Everything that was tracked, as segments of connected frames."""
         self._take(self._second.end(self._edges))
         masks = self._second.masks
+        moving_share = masks.shares(len(frames))
         keyframes = tuple(masks.static(k.features) for k in self._features.keyframes)
         if not keyframes:
             raise CaptureError(
                 f"expected frames with at least {self._config.registration.min_inliers} features"
                 f" that have depth, found none in {len(frames)} frames; run 'vnav check CAPTURE'"
             )
-        found = [edge for edges in self._edges.values() for edge in edges]
+        found = self._borne_out(moving_share)
         poses, segment = chain(len(frames), found, [k.row for k in keyframes])
         edges = tuple(e for e in found if segment[e.i] != LOST)
         apart = tuple(e for e in found if segment[e.i] == LOST)
@@ -116,8 +119,22 @@ class VisualOdometry:
             keyframes,
             degenerate_edges=(*self._degenerate_edges, *apart),
             alternatives=tuple(e for e in others if segment[e.i] != LOST),
-            moving_share=masks.shares(len(frames)),
+            moving_share=moving_share,
         )
+
+    def _borne_out(self, moving_share: NDArray[np.float32]) -> list[Edge]:
+        """The edges that the images do not refute; a frame that has no other is lost.
+
+        Two frames of which too much moves for a mask tell the motion of that.
+        """
+        found, unmasked = [], np.isnan(moving_share)
+        for row, edges in self._edges.items():
+            likely = [e for e in edges if e.probability >= REFUTED]
+            kept = [e for e in likely if not (unmasked[e.i] and unmasked[e.j])]
+            if edges and not kept:
+                self._reasons[row] = TOO_MUCH if likely else "the images refute its motion"
+            found += kept
+        return found
 
     def _tracked(self, seen: TrackedFrame, frame: Frame) -> tuple[TrackedFrame, ChosenMotions]:
         """The frame without what moves, and its motions from earlier ones.
