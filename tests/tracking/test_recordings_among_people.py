@@ -48,18 +48,19 @@ def test_the_room_tells_the_motion_where_people_cover_four_fifths_of_the_view(
     assert np.sqrt(np.mean(off_m**2)) < 0.01
 
 
+@pytest.mark.parametrize("preset", [None, "fast"])
 def test_the_room_tells_the_motion_where_a_panel_slides_by_fifteen_mm_a_frame(
-    tmp_path: Path,
+    tmp_path: Path, preset: str | None
 ) -> None:
     """4 px: a motion between its own and the camera's is within the threshold of all matches."""
-    off_m = errors_m(BEFORE_A_PANEL, range(40), tmp_path)
+    off_m = errors_m(BEFORE_A_PANEL, range(40), tmp_path, preset)
     assert np.sqrt(np.mean(off_m**2)) < 0.003
 
 
-def errors_m(walk: CaptureSpec, rows: range, folder: Path) -> Array:
+def errors_m(walk: CaptureSpec, rows: range, folder: Path, preset: str | None = None) -> Array:
     """Of the translations of odometry's edges (E,), in one segment."""
     capture, T_world_camera = stretch_of(walk, rows)
-    odometry = track(capture, load(), folder)
+    odometry = track(capture, load(preset), folder)
     assert not odometry.segment.any()
     true = (se3.inverse(T_world_camera[e.i]) @ T_world_camera[e.j] for e in odometry.edges)
     off = [se3.inverse(T) @ e.T_i_j for T, e in zip(true, odometry.edges, strict=True)]

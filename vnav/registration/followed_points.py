@@ -30,7 +30,10 @@ class FollowedRegistration(PointRegistration):
 
         A tracker finds each near its prediction, and only there: no other place is sought.
         """
-        return self._motions(a, b, self._known, rng, count)
+        found = self._motions(a, b, self._known, rng, count)
+        if isinstance(found, Rejected):
+            return found
+        return [part for e in found for part in self._with_parts(e, a, b, rng)]
 
     def among_twins(
         self, a: FrameFeatures, b: FrameFeatures, rng: np.random.Generator, predicted: Array
