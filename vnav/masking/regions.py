@@ -84,7 +84,9 @@ def completed(moved_s: Floats, view: PosedView) -> Floats:
 def _too_near(moving: Blocks, view: PosedView) -> Blocks:
     """Regions (h, w) without depth, most of whose border is near and moves."""
     is_near = moving & (view.frame.inverse_depth > 1 / NEAR_M)
-    unknown = opened(view.surfaces == 0) if is_near.any() else is_near
+    if not is_near.any():
+        return is_near
+    unknown = opened(view.surfaces == 0)
     count, labels = cv2.connectedComponents(unknown.astype(np.uint8), connectivity=4)
     around = cv2.dilate(labels.astype(np.float32), AROUND).astype(np.intp)
     border = (view.surfaces > 0) & (around > 0)

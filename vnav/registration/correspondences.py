@@ -102,16 +102,7 @@ class Correspondences:
         only b's own noise counts.
         """
         limits = np.repeat(self._sigmas, (2, 1)) * threshold_sigmas
-        row = np.cumsum(self.of_a) - 1
-        T_a_b: Array = best_motion(
-            row[samples],
-            self._source[self.of_a],
-            self._points_b[self.of_a],
-            self._target[self.of_a, :2],
-            self._cameras[1],
-            limits,
-            confidence,
-        )
+        T_a_b: Array = best_motion(*self._drawn(samples), limits, confidence)
         return T_a_b
 
     def sharpest(self, samples: NDArray[np.intp], share: float) -> Array:
@@ -119,17 +110,17 @@ class Correspondences:
 
         Samples as for `consensus`.
         """
-        row, count = np.cumsum(self.of_a) - 1, int(self.of_a.sum())
-        T_a_b: Array = sharpest_motion(
-            row[samples],
-            self._source[self.of_a],
-            self._points_b[self.of_a],
-            self._target[self.of_a, :2],
-            self._cameras[1],
-            np.repeat(self._sigmas, (2, 1)),
-            int(share * (count - 1)),
-        )
+        sigmas, last = np.repeat(self._sigmas, (2, 1)), int(self.of_a.sum()) - 1
+        T_a_b: Array = sharpest_motion(*self._drawn(samples), sigmas, int(share * last))
         return T_a_b
+
+    def _drawn(
+        self, samples: NDArray[np.intp]
+    ) -> tuple[NDArray[np.intp], Array, Array, Array, Array]:
+        """Samples as rows of a's points, these in either camera, their pixels in b, and b."""
+        row = np.cumsum(self.of_a) - 1
+        of_a = (points[self.of_a] for points in (self._source, self._points_b, self._target[:, :2]))
+        return row[samples], *of_a, self._cameras[1]
 
     def refined(self, T_a_b: Array) -> tuple[Array, Array, Array]:
         """Gauss-Newton from one motion: the best, its information (6, 6), squared residuals (M,).

@@ -31,9 +31,9 @@ class FollowedRegistration(PointRegistration):
         A tracker finds each near its prediction, and only there: no other place is sought.
         """
         found = self._motions(a, b, self._known, rng, count)
-        if isinstance(found, Rejected):
+        if isinstance(found, Rejected) or count == 1:
             return found
-        return [part for e in found for part in self._with_parts(e, a, b, rng)]
+        return self._with_parts(found, a, b, rng)
 
     def among_twins(
         self, a: FrameFeatures, b: FrameFeatures, rng: np.random.Generator, predicted: Array

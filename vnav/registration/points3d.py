@@ -1,5 +1,6 @@
 """Two frames registered by their matched features: claim 3, S3 to S5."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from math import ceil
@@ -85,17 +86,19 @@ class PointRegistration:
         strongest features are first matched near the places that it gives. Unless nearly all of
         those agree, and are alike nowhere else, features are also matched over the whole image:
         near wrong places, wrong matches can agree, by chance or as things repeat. With each motion
-        found, features are matched once more, close to where it puts them.
+        found, features are matched once more, close to where it puts them. Where several are asked
+        for, the motions come in addition that one of these mixes.
         """
         guided = self._guided(a, b, rng, predicted, count)
         if not isinstance(guided, Rejected) and self._is_sure(guided[0], a, b):
-            return self._with_parts(self._matched_again(guided[0], a, b), a, b, rng)
-        unguided = self._unguided(a, b, rng, count)
-        found = [e for way in (guided, unguided) if not isinstance(way, Rejected) for e in way]
-        again = [self._matched_again(e, a, b) for e in found]
-        return [p for e in again for p in self._with_parts(e, a, b, rng)] or cast(
-            Rejected, unguided
-        )
+            found = guided[:1]
+        else:
+            unguided = self._unguided(a, b, rng, count)
+            found = [e for way in (guided, unguided) if not isinstance(way, Rejected) for e in way]
+            if not found:
+                return cast(Rejected, unguided)
+        again = [self._matched_again(estimate, a, b) for estimate in found]
+        return self._with_parts(again, a, b, rng) if count > 1 else again
 
     def among_twins(
         self, a: FrameFeatures, b: FrameFeatures, rng: np.random.Generator, predicted: Array
@@ -263,9 +266,19 @@ class PointRegistration:
         return found or rejected
 
     def _with_parts(
+        self,
+        found: Sequence[PoseEstimate],
+        a: FrameFeatures,
+        b: FrameFeatures,
+        rng: np.random.Generator,
+    ) -> list[PoseEstimate]:
+        """Motions, each followed by those of two parts of its matches where it is one between."""
+        return [e for whole in found for e in (whole, *self._parts(whole, a, b, rng))]
+
+    def _parts(
         self, whole: PoseEstimate, a: FrameFeatures, b: FrameFeatures, rng: np.random.Generator
     ) -> list[PoseEstimate]:
-        """A motion, and those of two parts of its matches where it is one between the two.
+        """The two motions that one mixes, each by the matches that it is nearer to.
 
         What moves little from frame to frame agrees with what stands still, but for a few pixels.
         """
@@ -273,11 +286,12 @@ class PointRegistration:
         of, asked = partial(self._correspondences, a, b), whole.inliers[::every]
         motions = two_motions(of, asked, rng)
         if not motions:
-            return [whole]
-        squared = np.stack([of(whole.inliers).squared(T) for T in motions])
-        parts = [whole.inliers[squared.argmin(0) == k] for k in range(len(motions))]
-        refined = [self._refined(T, a, b, m) for T, m in zip(motions, parts, strict=True)]
-        return [whole, *(e for e in refined if isinstance(e, PoseEstimate))]
+            return []
+        nearest = np.argmin([of(whole.inliers).squared(T) for T in motions], 0)
+        refined = [
+            self._refined(T, a, b, whole.inliers[nearest == k]) for k, T in enumerate(motions)
+        ]
+        return [estimate for estimate in refined if isinstance(estimate, PoseEstimate)]
 
     def _matched_again(
         self, estimate: PoseEstimate, a: FrameFeatures, b: FrameFeatures

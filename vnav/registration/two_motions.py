@@ -15,8 +15,9 @@ from vnav.registration.correspondences import Correspondences
 
 Matches = NDArray[np.int32]
 
-SAMPLE, SAMPLES = 3, 60  # matches, and how often: of 40 % of them one is whole but for 2 %
-SHARE, CHI_SQUARED = 0.25, 1.213  # of right matches those are below, with 3 degrees of freedom
+SAMPLE = 3  # matches that fix a motion
+SAMPLES = 60  # where two fifths of the matches are of a motion, one has its alone, but for 2 %
+SHARE, CHI_SQUARED = 0.25, 1.213  # so many right matches are below, with 3 degrees of freedom
 FINE_SIGMAS = 3.5  # of those that agree best
 SIZEABLE = 0.15  # share of the matches that each motion has
 

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from vnav.core import se3
 from vnav.synthetic.clothes import CLOTHES
 from vnav.synthetic.raycast import Rectangles
-from vnav.synthetic.scene import LIGHT, SMALL_TEXEL_M, Box, Face, faces_of
+from vnav.synthetic.scene import LIGHT, SMALL_TEXEL_M, Box, Face, faces_of, rectangles_of
 from vnav.synthetic.textures import texture
 
 HEIGHT_M = 1.75
@@ -90,13 +90,8 @@ class Figure:
     def rectangles(self, posture: Posture) -> Rectangles:
         """All faces in the world."""
         T_world = self._joints(posture)
-        corner, u_edge, v_edge = [], [], []
-        for joint, _, faces in self.parts:
-            T = T_world[joint]
-            corner.append(se3.transform(T, np.array([f.corner for f in faces])))
-            u_edge.append(np.array([f.u_edge for f in faces]) @ T[:3, :3].T)
-            v_edge.append(np.array([f.v_edge for f in faces]) @ T[:3, :3].T)
-        return Rectangles(*(np.concatenate(part) for part in (corner, u_edge, v_edge)))
+        parts = [rectangles_of(faces).moved(T_world[joint]) for joint, _, faces in self.parts]
+        return Rectangles.joined(parts)
 
     def images(self) -> list[NDArray[np.uint8]]:
         """A texture for each of the faces, in their order; a garment has its colours everywhere."""

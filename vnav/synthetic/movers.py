@@ -7,6 +7,7 @@ for RGB-D cameras exploiting residuals", the Bonn RGB-D dynamic dataset.
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,7 +16,7 @@ from vnav.core import se3
 from vnav.core.arrays import Array
 from vnav.synthetic.clothes import CLOTHES
 from vnav.synthetic.raycast import Rectangles
-from vnav.synthetic.scene import SMALL_TEXEL_M, Box, Face, faces_of
+from vnav.synthetic.scene import SMALL_TEXEL_M, Box, Face, faces_of, rectangles_of
 from vnav.synthetic.textures import texture
 
 PRINT = "printed"
@@ -29,9 +30,9 @@ Way = Callable[[float], tuple[float, float, float, float]]  # x, y, z and yaw at
 
 @dataclass(frozen=True)
 class Thing:
-    """A box of a size, its bottom where ``way`` says, as seen from a place (3 or more,) x, y, yaw.
+    """A box of a size, its bottom where ``way`` says, as seen from a place: x, y, yaw.
 
-    What a place has beyond is the floor's z.
+    A place of an upper storey has the floor's z after them.
     """
 
     size_m: tuple[float, float, float]
@@ -41,10 +42,7 @@ class Thing:
 
     def at(self, t_s: float) -> Rectangles:
         """Its faces in the world at a time."""
-        T, faces = self._pose(t_s), self._faces
-        corner = se3.transform(T, np.array([f.corner for f in faces]))
-        edges = (np.array([getattr(f, name) for f in faces]) for name in ("u_edge", "v_edge"))
-        return Rectangles(corner, *(edge @ T[:3, :3].T for edge in edges))
+        return rectangles_of(self._faces).moved(self._pose(t_s))
 
     def images(self) -> list[NDArray[np.uint8]]:
         """A texture for each face, in their order; all have the same colours."""
@@ -57,10 +55,10 @@ class Thing:
         """Whether it moves."""
         return not np.allclose(self.way(t_s), self.way(t_s + STILL_S), atol=1e-6)
 
-    @property
+    @cached_property
     def _faces(self) -> list[Face]:
         middle = (0.0, 0.0, self.size_m[2] / 2)
-        return list(faces_of(Box(middle, self.size_m, 0.0, PRINT), 0))
+        return faces_of(Box(middle, self.size_m, 0.0, PRINT), 0)
 
     def _rngs(self, number: int) -> tuple[np.random.Generator, np.random.Generator]:
         return np.random.default_rng([self.seed, 8]), np.random.default_rng([self.seed, 9, number])

@@ -69,7 +69,7 @@ class Moment:
     def of(cls, parts: Sequence[Rectangles], textures: Textures) -> "Moment":
         """Of the scene's faces, then each walker's."""
         owner = np.repeat(np.arange(len(parts)), [len(part.corner) for part in parts])
-        return cls(_joined(parts), textures, owner.astype(np.uint8))
+        return cls(Rectangles.joined(parts), textures, owner.astype(np.uint8))
 
     def render_color(self, intrinsics: Intrinsics, T_world_camera: ArrayLike) -> NDArray[np.uint8]:
         """Colour (H, W, 3) RGB, black where there is nothing."""
@@ -153,11 +153,3 @@ def walkers_share(people: Peopled, view: Intrinsics, T_world_camera: Array) -> f
         people.at(k * STEP_S).render_walkers(view, T) > 0 for k, T in enumerate(T_world_camera)
     ]
     return float(np.mean(masks))
-
-
-def _joined(parts: Sequence[Rectangles]) -> Rectangles:
-    return Rectangles(
-        np.concatenate([part.corner for part in parts]),
-        np.concatenate([part.u_edge for part in parts]),
-        np.concatenate([part.v_edge for part in parts]),
-    )

@@ -5,6 +5,7 @@ A rectangle ``corner + a U + b V`` with a, b in [0, 1] meets the ray of pixel (x
 no division, and 1 / z, the third row, decides which rectangle is nearest.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import cv2
@@ -30,6 +31,20 @@ class Rectangles:
     corner: NDArray[np.float64]
     u_edge: NDArray[np.float64]
     v_edge: NDArray[np.float64]
+
+    @classmethod
+    def joined(cls, parts: Sequence["Rectangles"]) -> "Rectangles":
+        """Those of all parts, one after the other."""
+        return cls(
+            np.concatenate([part.corner for part in parts]),
+            np.concatenate([part.u_edge for part in parts]),
+            np.concatenate([part.v_edge for part in parts]),
+        )
+
+    def moved(self, T: NDArray[np.float64]) -> "Rectangles":
+        """The same, in the frame of reference that ``T`` (4, 4) leads to."""
+        R = T[:3, :3]
+        return Rectangles(se3.transform(T, self.corner), self.u_edge @ R.T, self.v_edge @ R.T)
 
 
 @dataclass(frozen=True)

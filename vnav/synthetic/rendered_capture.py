@@ -5,7 +5,7 @@ import os
 import tempfile
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from importlib import resources
 from pathlib import Path
 
@@ -23,7 +23,7 @@ from vnav.io.formats.grid_files import write_grid
 from vnav.synthetic.masks import write_masks
 from vnav.synthetic.movers import moving_thing
 from vnav.synthetic.path import Hand, look, walk
-from vnav.synthetic.people import Peopled, peopled
+from vnav.synthetic.people import Mover, Peopled, peopled
 from vnav.synthetic.scene import Scene
 from vnav.synthetic.scenes import SCENES
 from vnav.synthetic.sensor import Sensor, gains, measured_color, measured_depth
@@ -148,16 +148,15 @@ def with_walkers(scene: Scene, spec: CaptureSpec) -> Peopled | None:
 
     CaptureError where walkers cannot cover the share of pixels that is asked for.
     """
+    found: list[Mover] = []
+    if spec.walkers:
+        step = STEP_S * spec.rate_hz
+        at = np.minimum(np.arange(0, spec.frames - 1 + step, step), spec.frames - 1)
+        walk = spec.walkers, spec.walker_share, spec.camera, _poses(scene, spec, at), spec.seed
+        found += peopled(scene, *walk).walkers
     if spec.mover:
-        thing = moving_thing(spec.mover, np.array(scene.tour[0]), spec.seed)
-        others = with_walkers(scene, replace(spec, mover=""))
-        return Peopled(scene, (*(others.walkers if others else ()), thing))
-    if not spec.walkers:
-        return None
-    step = STEP_S * spec.rate_hz
-    at = np.minimum(np.arange(0, spec.frames - 1 + step, step), spec.frames - 1)
-    T_world_camera = _poses(scene, spec, at)
-    return peopled(scene, spec.walkers, spec.walker_share, spec.camera, T_world_camera, spec.seed)
+        found.append(moving_thing(spec.mover, np.array(scene.tour[0]), spec.seed))
+    return Peopled(scene, tuple(found)) if found else None
 
 
 def camera_poses(scene: Scene | Peopled, spec: CaptureSpec) -> NDArray[np.float64]:

@@ -1,6 +1,6 @@
 """A scene: boxes with textured faces, rendered to colour and depth."""
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -130,11 +130,7 @@ class Scene:
     @cached_property
     def rectangles(self) -> Rectangles:
         """The faces as the ray caster takes them."""
-        return Rectangles(
-            np.array([f.corner for f in self.faces]),
-            np.array([f.u_edge for f in self.faces]),
-            np.array([f.v_edge for f in self.faces]),
-        )
+        return rectangles_of(self.faces)
 
     @cached_property
     def textures(self) -> Textures:
@@ -170,6 +166,15 @@ class Scene:
         image = texture(MATERIALS[face.material], face.size_m, texel_m, colors, rng)
         light = 0.80 + 0.20 * float(face.normal @ LIGHT)
         return np.asarray(np.clip(image * light, 0, 255), np.uint8)
+
+
+def rectangles_of(faces: Sequence[Face]) -> Rectangles:
+    """The faces as the ray caster takes them."""
+    return Rectangles(
+        np.array([f.corner for f in faces]),
+        np.array([f.u_edge for f in faces]),
+        np.array([f.v_edge for f in faces]),
+    )
 
 
 def faces_of(box: Box, piece: int) -> list[Face]:
