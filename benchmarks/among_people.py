@@ -27,8 +27,8 @@ from verdicts import WRONG, scored_and_doubtful, share_off, with_poses
 import vnav
 from vnav.config import Config
 from vnav.synthetic import CaptureSpec
-from vnav.synthetic.movers import MOVERS
 from vnav.synthetic.staying import MOTIONS
+from vnav.synthetic.things import THINGS
 
 SHARE = 0.35  # of the pixels
 STRETCHES = 4  # of a walk, which overlap
@@ -61,10 +61,10 @@ def staying(motion: str, seed: int, width: int) -> CaptureSpec:
     return replace(alone, motion=motion, walkers=3, walker_share=0.5)
 
 
-def among_things(mover: str, motion: str, seed: int, width: int) -> CaptureSpec:
+def among_things(thing: str, motion: str, seed: int, width: int) -> CaptureSpec:
     """A camera before something that moves as a whole; without a motion it walks."""
     alone = replace(spec_of("one_room", 0.0, seed, width), frames=300, photos=0, rate_hz=30.0)
-    return replace(alone, motion=motion, mover=mover)
+    return replace(alone, motion=motion, thing=thing)
 
 
 def measured(
@@ -111,11 +111,11 @@ def of_staying(asked: argparse.Namespace) -> Iterator[Measurement]:
 
 def of_things(asked: argparse.Namespace) -> Iterator[Measurement]:
     """Recordings among things that move."""
-    for mover, motion, seed in product(MOVERS, ("halfsphere", ""), range(asked.seeds)):
-        name = f"{mover}_{motion or 'walk'}_seed{seed}"
-        spec = among_things(mover, motion, seed, asked.width)
+    for thing, motion, seed in product(THINGS, ("halfsphere", ""), range(asked.seeds)):
+        name = f"{thing}_{motion or 'walk'}_seed{seed}"
+        spec = among_things(thing, motion, seed, asked.width)
         capture = rendered(asked.out / "captures" / name, spec)
-        on = f"one_room, {mover}, {motion or 'a walk'}, seed {seed}"
+        on = f"one_room, {thing}, {motion or 'a walk'}, seed {seed}"
         yield from measured(on, capture, asked.out / "maps" / name, MOST_M)
 
 

@@ -21,7 +21,7 @@ ROOM = CaptureSpec(
     "one_room", 150, 0, KINECT.scaled(320, 240), PHONE, seed=2, walkers=3, walker_share=0.35
 )
 BEFORE_A_PANEL = CaptureSpec(
-    "one_room", 300, 0, KINECT, PHONE, 30.0, motion="halfsphere", mover="panel"
+    "one_room", 300, 0, KINECT, PHONE, 30.0, motion="halfsphere", thing="panel"
 )
 STAYING = replace(MINIATURE, frames=450, rate_hz=30.0, motion="xyz", walkers=3, walker_share=0.5)
 

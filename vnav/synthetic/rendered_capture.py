@@ -21,7 +21,6 @@ from vnav.core.progress import Progress, silent
 from vnav.errors import CaptureError
 from vnav.io.formats.grid_files import write_grid
 from vnav.synthetic.masks import write_masks
-from vnav.synthetic.movers import moving_thing
 from vnav.synthetic.path import Hand, look, walk
 from vnav.synthetic.people import Mover, Peopled, peopled
 from vnav.synthetic.scene import Scene
@@ -30,6 +29,7 @@ from vnav.synthetic.sensor import Sensor, gains, measured_color, measured_depth
 from vnav.synthetic.shutter import exposed_color
 from vnav.synthetic.staying import stay
 from vnav.synthetic.strolls import STEP_S
+from vnav.synthetic.things import thing_before
 
 UNITS_PER_METRE = 5000
 FIRST_STAMP_S = 1000.0
@@ -62,7 +62,7 @@ class CaptureSpec:
     motion: str = ""  # of a camera that stays where the tour begins, of `staying.MOTIONS`
     walkers: int = 0
     walker_share: float = 0.2
-    mover: str = ""  # a thing that moves before where the tour begins, of `movers.MOVERS`
+    thing: str = ""  # a thing that moves before where the tour begins, of `things.THINGS`
     uneven: float = 0.0  # share by which the step from frame to frame grows and shrinks
     seed: int = 0
     sensor: Sensor = Sensor()
@@ -154,8 +154,8 @@ def with_walkers(scene: Scene, spec: CaptureSpec) -> Peopled | None:
         at = np.minimum(np.arange(0, spec.frames - 1 + step, step), spec.frames - 1)
         walk = spec.walkers, spec.walker_share, spec.camera, _poses(scene, spec, at), spec.seed
         found += peopled(scene, *walk).walkers
-    if spec.mover:
-        found.append(moving_thing(spec.mover, np.array(scene.tour[0]), spec.seed))
+    if spec.thing:
+        found.append(thing_before(spec.thing, np.array(scene.tour[0]), spec.seed))
     return Peopled(scene, tuple(found)) if found else None
 
 

@@ -99,7 +99,7 @@ def _to_and_fro(periods: float) -> float:
     return float(2 * abs(2 * (periods % 1) - 1) - 1)
 
 
-MOVERS: dict[str, tuple[tuple[float, float, float], Way]] = {
+THINGS: dict[str, tuple[tuple[float, float, float], Way]] = {
     "panel": (PANEL_M, _panel),
     "box": (BOX_M, _box),
     "cart": (CART_M, _cart),
@@ -108,7 +108,7 @@ MOVERS: dict[str, tuple[tuple[float, float, float], Way]] = {
 """By name: how large a thing is, and its way."""
 
 
-def moving_thing(name: str, place: Array, seed: int) -> Thing:
-    """One of `MOVERS` before a place: x, y, yaw, and the floor's z where that is not 0."""
-    size_m, way = MOVERS[name]
+def thing_before(name: str, place: Array, seed: int) -> Thing:
+    """One of `THINGS` before a place: x, y, yaw, and the floor's z where that is not 0."""
+    size_m, way = THINGS[name]
     return Thing(size_m, way, np.asarray(place, float), seed)
