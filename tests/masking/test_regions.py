@@ -4,8 +4,16 @@ import numpy as np
 
 from tests.masking.moving_box import CAMERA
 from vnav.core.reduced_frame import ReducedFrame
-from vnav.masking.free_space import Votes
-from vnav.masking.regions import beside, bodies, completed, grown, large, opened
+from vnav.masking.free_space import COARSE, Votes
+from vnav.masking.regions import (
+    beside,
+    bodies,
+    completed,
+    grown,
+    large,
+    may_hold_bodies,
+    opened,
+)
 from vnav.masking.view import PosedView
 
 SHAPE = (CAMERA.height, CAMERA.width)
@@ -38,6 +46,30 @@ def moved(regions: np.ndarray, ago_s: float = 0.0) -> np.ndarray:
 def votes(same: int = 0, seen_through: np.ndarray | None = None) -> Votes:
     free = np.zeros(SHAPE) if seen_through is None else seen_through
     return Votes(np.full(SHAPE, same, np.float32), free.astype(np.float32))
+
+
+def coarsely(whole: np.ndarray) -> np.ndarray:
+    """Blocks as they are told where only some rows and columns are asked."""
+    coarse = np.zeros(SHAPE, bool)
+    coarse[::COARSE, ::COARSE] = whole[::COARSE, ::COARSE]
+    return coarse
+
+
+def test_no_body_of_opened_regions_is_overlooked_where_few_blocks_are_asked() -> None:
+    """Noise of any density and grain, up to the edges of the image."""
+    found = 0
+    for seed in range(60):
+        rng = np.random.default_rng(seed)
+        grains = rng.random((SHAPE[0] // 4, SHAPE[1] // 4)) < rng.uniform(0.01, 0.2)
+        whole = np.kron(grains, np.ones((4, 4), bool)) & (rng.random(SHAPE) < rng.uniform(0.8, 1))
+        if bodies(opened(whole)).any():
+            found += 1
+            assert may_hold_bodies(coarsely(whole))
+    assert 10 < found < 60
+
+
+def test_blocks_that_are_apart_are_asked_no_further() -> None:
+    assert not may_hold_bodies(blocks(np.s_[10:11, 20:21], np.s_[40:41, 20:21], np.s_[58:, 78:]))
 
 
 def test_what_is_narrower_than_three_blocks_is_no_region() -> None:

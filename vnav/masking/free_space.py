@@ -7,7 +7,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vnav.compiled import compiled
-from vnav.core import se3
 from vnav.core.arrays import Array, Floats
 from vnav.masking.view import Blocks, PosedView
 
@@ -62,7 +61,7 @@ def count_votes(
         weight = min(1.0, (FITS * sigma / noise) ** 2) if noise > 0 else 1.0
         noise = SIGMAS * max(sigma, noise)
         asked = other.nearest, other.farthest, other.clear
-        _add_votes(votes, weight, places, expected, *asked, noise, margin_m)
+        _add_votes(votes, weight, places, expected, *asked, noise, margin_m, step)
     return Votes(votes[SAME], votes[FREE])
 
 
@@ -92,9 +91,8 @@ def places_in(
 
     And the inverse depth that it has there. Both views have one camera.
     """
-    K = view.frame.intrinsics
-    T = se3.inverse(other.T_track_camera) @ view.T_track_camera
-    return _block_places(inverse_depth, T, np.array([K.fx, K.fy, K.cx, K.cy]), step)
+    T = other.T_camera_track @ view.T_track_camera
+    return _block_places(inverse_depth, T, view.pinhole, step)
 
 
 @compiled
@@ -162,12 +160,13 @@ def _add_votes(
     clear: Blocks,
     noise: float,
     margin_m: float,
+    step: int,
 ) -> None:
     """Add one view's votes, in place."""
     height, width = places.shape
     nearest_of, farthest_of, clear_at = nearest.ravel(), farthest.ravel(), clear.ravel()
-    for v in range(height):
-        for u in range(width):
+    for v in range(0, height, step):
+        for u in range(0, width, step):
             place = places[v, u]
             if place < 0 or nearest_of[place] == 0:
                 continue

@@ -16,7 +16,16 @@ from vnav.core.reduced_frame import BLOCK_PX, ReducedFrame
 from vnav.masking.background import Background
 from vnav.masking.carrying import SurfaceCarrier
 from vnav.masking.free_space import COARSE, Votes, count_votes
-from vnav.masking.regions import beside, bodies, completed, grown, joined, large, opened
+from vnav.masking.regions import (
+    beside,
+    bodies,
+    completed,
+    grown,
+    joined,
+    large,
+    may_hold_bodies,
+    opened,
+)
 from vnav.masking.view import MaskedView, PosedView, still
 from vnav.masking.warps import WARPS
 
@@ -58,8 +67,10 @@ class MotionMask:
             return np.where(
                 large(opened(view.changed), self._min_blocks), np.float32(0), still(view)
             )
-        if np.isinf(carried).all() and not self._votes(view, others, COARSE).seen_through.any():
-            return carried
+        if np.isinf(carried).all():
+            coarse = self._votes(view, others, COARSE)
+            if not may_hold_bodies(coarse.seen_through):
+                return carried
         votes = self._votes(view, others)
         regions = large(opened(votes.seen_through), self._min_blocks)
         moved_s = np.where(regions, np.float32(0), carried)

@@ -42,6 +42,15 @@ def bodies(regions: Blocks) -> Blocks:
     return large(regions, LEAST_SHARE * regions.size)
 
 
+def may_hold_bodies(coarse: Blocks) -> bool:
+    """Whether blocks have bodies in them that are opened, told by one of each two rows and columns.
+
+    Three blocks by three, of which an opened region is made, lie within two blocks of one of those.
+    """
+    reached = widened(widened(coarse)) if coarse.any() else coarse
+    return bool(reached.sum() >= LEAST_SHARE * coarse.size and bodies(reached).any())
+
+
 def beside(regions: Blocks, others: Blocks) -> Blocks:
     """Of other connected regions those that touch the given ones."""
     _, labels = cv2.connectedComponents(others.astype(np.uint8), connectivity=4)

@@ -9,6 +9,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from vnav.core import se3
 from vnav.core.arrays import Array, Floats
 from vnav.core.reduced_frame import ReducedFrame
 from vnav.masking.surfaces import surfaces
@@ -34,6 +35,17 @@ class PosedView:
     def stamp_s(self) -> float:
         """When the frame was taken."""
         return self.frame.stamp_s
+
+    @cached_property
+    def T_camera_track(self) -> Array:
+        """The inverse of its pose."""
+        return se3.inverse(self.T_track_camera)
+
+    @cached_property
+    def pinhole(self) -> Array:
+        """Its camera's fx, fy, cx, cy, in blocks."""
+        K = self.frame.intrinsics
+        return np.array([K.fx, K.fy, K.cx, K.cy])
 
     @cached_property
     def nearest(self) -> Floats:

@@ -284,7 +284,7 @@ class PointRegistration:
         """
         every = ceil(len(whole.inliers) / FINELY_ASKED)
         of, asked = partial(self._correspondences, a, b), whole.inliers[::every]
-        motions = two_motions(of, asked, rng)
+        motions = two_motions(of, asked, whole.T_a_b, rng)
         if not motions:
             return []
         nearest = np.argmin([of(whole.inliers).squared(T) for T in motions], 0)

@@ -5,7 +5,7 @@ takes it for noise. The matches of each of the two agree more finely with one an
 is read from those that agree best, so that a sensor whose ways look like noise has one motion.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,27 +19,39 @@ SAMPLE = 3  # matches that fix a motion
 SAMPLES = 60  # where two fifths of the matches are of a motion, one has its alone, but for 2 %
 SHARE, CHI_SQUARED = 0.25, 1.213  # so many right matches are below, with 3 degrees of freedom
 FINE_SIGMAS = 3.5  # of those that agree best
+FINER = 2.5  # times, in variance, that matches fit their own motion than the one between
 SIZEABLE = 0.15  # share of the matches that each motion has
 
 
 def two_motions(
-    of: Callable[[Matches], Correspondences], matches: Matches, rng: np.random.Generator
+    of: Callable[[Matches], Correspondences],
+    matches: Matches,
+    T_a_b: Array,
+    rng: np.random.Generator,
 ) -> list[Array]:
-    """Two ``T_a_b`` (4, 4) that matches (M, 2) of one motion are made of; empty where there is one.
+    """Two motions (4, 4) that one, ``T_a_b``, of matches (M, 2) mixes; empty where it does not.
 
     ``of``: what some of the matches measure. Those without depth at either end are not asked.
     """
-    left, found = matches[of(matches).has_both_depths], list[Array]()
+    asked = matches[of(matches).has_both_depths]
+    left, found = asked, list[Array]()
     least, limit = max(SAMPLE, SIZEABLE * len(left)), np.inf
     while len(left) >= least and len(found) < 2:
-        T_a_b, squared = _sharpest(of, left, rng)
+        part, squared = _sharpest(of, left, rng)
         limit = min(limit, _limit(squared))
         fits = squared < limit
         if fits.sum() < least:
-            break
-        found.append(T_a_b)
+            return []
+        found.append(part)
         left = left[~fits]
-    return found if len(found) == 2 else []
+    return found if len(found) == 2 and _are_finer(found, T_a_b, of(asked)) else []
+
+
+def _are_finer(parts: Sequence[Array], T_a_b: Array, measured: Correspondences) -> bool:
+    """Whether matches fit the nearest of some motions so much better than one for all."""
+    whole = measured.squared(T_a_b)
+    nearest = np.min([whole, *(measured.squared(T) for T in parts)], 0)
+    return bool(whole.mean() > FINER * nearest.mean())
 
 
 def _sharpest(
@@ -56,4 +68,5 @@ def _sharpest(
 
 def _limit(squared: Array) -> float:
     """Of squared residuals (M,), by those that agree best."""
-    return float(FINE_SIGMAS**2 / CHI_SQUARED * np.quantile(squared, SHARE))
+    row = int(SHARE * (len(squared) - 1))
+    return float(FINE_SIGMAS**2 / CHI_SQUARED * np.partition(squared, row)[row])
