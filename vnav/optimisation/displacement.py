@@ -146,7 +146,8 @@ def _registered(
     config: RegistrationConfig,
 ) -> Array | None:
     """The motion near ``T_a_b`` that fits what a and b measure (F, 3) best; None by too few."""
-    a, b = (found[np.isfinite(measured).all((0, 2))] for found in measured)
+    known = np.isfinite(measured).all((0, 2))
+    a, b = (found[known] for found in measured)
     if len(a) < config.min_inliers:
         return None
     source = cameras[0].unproject(a[:, :2], 1 / a[:, 2])

@@ -12,6 +12,7 @@ from dataclasses import astuple, dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from vnav.compiled import compiled
 from vnav.config import RegistrationConfig
 from vnav.core.arrays import Array
 from vnav.core.camera import Intrinsics
@@ -20,6 +21,7 @@ from vnav.core.mapping import FrameFeatures, FrameTable, Odometry
 from vnav.features.lifting import inverse_depth_planes
 
 DepthOf = Callable[[int], NDArray[np.float32]]
+Pinhole = tuple[float, float, float, float]  # fx, fy, cx, cy
 
 
 @dataclass(frozen=True)
@@ -86,11 +88,8 @@ class MovingCamera:
 
         To second order: the third is a fiftieth of a pixel after 30 ms at 120 degrees a second.
         """
-        points = self.intrinsics.unproject(px, 1 / inverse)
-        spin, after = self.twist[:3], after_s[:, None]
-        rate = np.cross(spin, points) + self.twist[3:]
-        moved = points - after * rate + after**2 / 2 * np.cross(spin, rate)
-        return self.intrinsics.project(moved), 1 / moved[:, 2]
+        found = _moved(px, inverse, after_s, self.twist, self._pinhole)
+        return found[:, :2], found[:, 2]
 
     def by_error(self, px: Array, inverse: Array, slopes: Array) -> Array:
         """How pixel and inverse depth (F, 3) that are measured grow with each error: (F, 3, 4).
@@ -109,10 +108,12 @@ class MovingCamera:
 
     def _flow(self, px: Array, inverse: Array) -> tuple[Array, Array]:
         """Pixels (F, 2) and inverse depth (F,) that a point gains in a second."""
-        rays = self.intrinsics.unproject(px, np.ones(len(px)))
-        motion = -np.cross(self.twist[:3], rays) - self.twist[3:] * inverse[:, None]
-        across = motion[:, :2] - rays[:, :2] * motion[:, 2:]
-        return across * (self.intrinsics.fx, self.intrinsics.fy), -inverse * motion[:, 2]
+        found = _flow(px, inverse, self.twist, self._pinhole)
+        return found[:, :2], found[:, 2]
+
+    @property
+    def _pinhole(self) -> Pinhole:
+        return self.intrinsics.fx, self.intrinsics.fy, self.intrinsics.cx, self.intrinsics.cy
 
 
 @dataclass(frozen=True)
@@ -217,3 +218,42 @@ def _filled(inverse: Array) -> Array:
     """With the median of those known in place of NaN; 1/m, where none is."""
     known = inverse[np.isfinite(inverse)]
     return np.where(np.isfinite(inverse), inverse, np.median(known) if len(known) else 1.0)
+
+
+@compiled
+def _moved(px: Array, inverse: Array, after_s: Array, twist: Array, pinhole: Pinhole) -> Array:
+    """The loop of `MovingCamera.moved`: pixels and inverse depth (F, 3)."""
+    fx, fy, cx, cy = pinhole
+    found = np.empty((len(px), 3))
+    for n in range(len(px)):
+        z, after = 1 / inverse[n], after_s[n]
+        x, y = (px[n, 0] - cx) / fx * z, (px[n, 1] - cy) / fy * z
+        u, v, w = _turned(twist, x, y, z)
+        u, v, w = u + twist[3], v + twist[4], w + twist[5]
+        a, b, c = _turned(twist, u, v, w)
+        x = x - after * u + after**2 / 2 * a
+        y = y - after * v + after**2 / 2 * b
+        z = z - after * w + after**2 / 2 * c
+        seen = z if z > 0 else np.nan
+        found[n] = fx * x / seen + cx, fy * y / seen + cy, 1 / z
+    return found
+
+
+@compiled
+def _flow(px: Array, inverse: Array, twist: Array, pinhole: Pinhole) -> Array:
+    """The loop of `MovingCamera._flow`: gains of pixels and of inverse depth (F, 3)."""
+    fx, fy, cx, cy = pinhole
+    found = np.empty((len(px), 3))
+    for n in range(len(px)):
+        x, y, near = (px[n, 0] - cx) / fx, (px[n, 1] - cy) / fy, inverse[n]
+        u, v, w = _turned(twist, x, y, 1.0)
+        u, v, w = -u - twist[3] * near, -v - twist[4] * near, -w - twist[5] * near
+        found[n] = fx * (u - x * w), fy * (v - y * w), -near * w
+    return found
+
+
+@compiled
+def _turned(twist: Array, x: float, y: float, z: float) -> tuple[float, float, float]:
+    """The spin of a twist across a point."""
+    a, b, c = twist[0], twist[1], twist[2]
+    return b * z - c * y, c * x - a * z, a * y - b * x
