@@ -19,6 +19,7 @@ ImagesInBlocks = tuple[ReducedFrame, ReducedFrame]
 
 INLIER_SIGMAS_SQUARED = 14.2  # chi-squared, 3 degrees of freedom: 99.7 % of the right matches
 MEDIANS = {False: 1.386, True: 2.366}  # of chi-squared of a match: with one depth, with both
+NEARLY = 1e-3  # rad and m: the last step of a first motion, whose residuals tell the noise
 LEAST_VARIANCE = 0.01  # times that of the settings: exact matches would divide by zero
 
 
@@ -134,7 +135,7 @@ class Correspondences:
         that somebody stands on. Information and residuals stay with the settings.
         """
         settings = self._variances, self._depth_variances
-        T_a_b, _, squared = gauss_newton(T_a_b, *self._measured, *settings)
+        T_a_b, _, squared = gauss_newton(T_a_b, *self._measured, *settings, NEARLY)
         shown = self._shown(squared)
         T_a_b, _, _ = gauss_newton(T_a_b, *self._measured, *(shown * s for s in settings))
         H, _, squared = normal_equations(T_a_b, *self._measured, *settings)

@@ -21,19 +21,21 @@ def gauss_newton(
     cameras: Array,
     variances: Array,
     depth_variances: Array,
+    converged: float = CONVERGED,
 ) -> tuple[Array, Array, Array]:
     """The refined ``T_a_b``, with the normal matrix (6, 6) and squared residuals (M,) there.
 
     ``source`` (M, 3): points in the camera a (forward) or b; ``target`` (M, 3): pixel and inverse
     depth, NaN where there is none, in the other; ``cameras`` (2, 4): fx, fy, cx, cy of a and of b;
-    ``variances`` (3,) of pixel and inverse depth, ``depth_variances`` (M,) of the source's.
+    ``variances`` (3,) of pixel and inverse depth, ``depth_variances`` (M,) of the source's;
+    ``converged``: a step, rad and m, that is the last.
     """
     T = T_a_b.copy()
     for _ in range(ITERATIONS):
         H, g, _ = normal_equations(T, source, target, forward, cameras, variances, depth_variances)
         step = -np.linalg.solve(H + 1e-9 * (1 + np.trace(H)) * np.eye(6), g)
         T = T @ exp(step)
-        if np.abs(step).max() < CONVERGED:
+        if np.abs(step).max() < converged:
             break
     H, g, squared = normal_equations(
         T, source, target, forward, cameras, variances, depth_variances
@@ -78,9 +80,13 @@ def normal_equations(
         weight = 1 / (1 + squared[m] / CAUCHY_SIGMAS**2)
         for k in range(size):
             for i in range(6):
-                g[i] += weight * J[k, i] * e[k]
-                for j in range(6):
-                    H[i, j] += weight * J[k, i] * J[k, j]
+                weighted = weight * J[k, i]
+                g[i] += weighted * e[k]
+                for j in range(i, 6):
+                    H[i, j] += weighted * J[k, j]
+    for i in range(6):
+        for j in range(i):
+            H[i, j] = H[j, i]
     return H, g, squared
 
 
@@ -97,7 +103,7 @@ def carried_covariance(
 ) -> None:
     """Covariance (3, 3) of (u, v, 1/z) there: its own, and that of the point carried over by T.
 
-    ``depth_variance``: of the point's own inverse depth.
+    Only its lower triangle is written. ``depth_variance``: of the point's own inverse depth.
     """
     w = 1 / p[2]
     Z = point[2]
@@ -115,13 +121,16 @@ def carried_covariance(
             z = -Z * (p[2] - T[2, 3])
         a = (there[0] * w * (x - p[0] * w * z), there[1] * w * (y - p[1] * w * z), -w * w * z)
         for i in range(3):
-            for j in range(3):
+            for j in range(i + 1):
                 S[i, j] += a[i] * variance * a[j]
 
 
 @compiled
 def whiten(S: Array, e: Array, J: Array, size: int) -> None:
-    """Divide e and J by the Cholesky factor of the leading part of S, in place."""
+    """Divide e and J by the Cholesky factor of the leading part of S, in place.
+
+    Only the lower triangle of S is asked.
+    """
     for k in range(size):
         for n in range(k):
             factor = S[k, n]
