@@ -162,6 +162,17 @@ def test_a_known_parallax_holds_the_scale_where_hardly_anything_has_depth(degree
     assert np.linalg.norm(error[3:]) < 0.02
 
 
+def test_several_motions_are_asked_for_where_nothing_that_has_depth_agrees() -> None:
+    """Depth of the other view is nowhere; parallax that was seen before holds the motion."""
+    a, b = views(np.random.default_rng(9), np.eye(4), MOTION)
+    far = np.arange(NEAR, NEAR + FAR)
+    known = with_known_depths(a, 9)[far]
+    found = PAIR.hypotheses(known, b[far], np.random.default_rng(0), MOTION)
+    assert isinstance(found, list)
+    assert not len(found[0].inliers)
+    assert np.linalg.norm(off(found[0])[3:]) < 0.02
+
+
 def test_a_far_feature_is_matched_whatever_the_rows_of_features_with_depth() -> None:
     """Rows of two frames name different features."""
     a, b = views(np.random.default_rng(8), np.eye(4), MOTION)

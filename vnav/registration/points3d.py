@@ -282,7 +282,7 @@ class PointRegistration:
 
         What moves little from frame to frame agrees with what stands still, but for a few pixels.
         """
-        every = ceil(len(whole.inliers) / FINELY_ASKED)
+        every = max(1, ceil(len(whole.inliers) / FINELY_ASKED))  # of far features there is none
         of, asked = partial(self._correspondences, a, b), whole.inliers[::every]
         motions = two_motions(of, asked, whole.T_a_b, rng)
         if not motions:
