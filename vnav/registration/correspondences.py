@@ -137,7 +137,8 @@ class Correspondences:
         settings = self._variances, self._depth_variances
         T_a_b, _, squared = gauss_newton(T_a_b, *self._measured, *settings, NEARLY)
         shown = self._shown(squared)
-        T_a_b, _, _ = gauss_newton(T_a_b, *self._measured, *(shown * s for s in settings))
+        sharper = shown * self._variances, shown * self._depth_variances
+        T_a_b, _, _ = gauss_newton(T_a_b, *self._measured, *sharper)
         H, _, squared = normal_equations(T_a_b, *self._measured, *settings)
         return T_a_b, H, squared
 
