@@ -34,6 +34,7 @@ def agreed(
 
 def _are_collinear(points: Array, config: RegistrationConfig) -> bool:
     """Whether points (M, 3) spread off a line by no more than noise; so do those on one spot."""
-    variance = np.linalg.eigvalsh(np.cov(points.T, bias=True))[1]
+    off = points - points.mean(0)
+    variance = np.linalg.eigvalsh(off.T @ off / len(points))[1]
     noise = config.depth_sigma_per_m2**2 * (points[:, 2] ** 4).mean()
     return bool(variance < LINE_SIGMAS**2 * noise)
