@@ -78,16 +78,28 @@ def normal_equations(
         for k in range(size):
             squared[m] += e[k] * e[k]
         weight = 1 / (1 + squared[m] / CAUCHY_SIGMAS**2)
-        for k in range(size):
-            for i in range(6):
-                weighted = weight * J[k, i]
-                g[i] += weighted * e[k]
-                for j in range(i, 6):
-                    H[i, j] += weighted * J[k, j]
+        add_rows(H, g, J, e, weight, size)
+    mirror(H)
+    return H, g, squared
+
+
+@compiled
+def add_rows(H: Array, g: Array, J: Array, e: Array, weight: float, size: int) -> None:
+    """Add a residual's rows to the gradient, and to the upper triangle of the normal matrix."""
+    for k in range(size):
+        for i in range(6):
+            weighted = weight * J[k, i]
+            g[i] += weighted * e[k]
+            for j in range(i, 6):
+                H[i, j] += weighted * J[k, j]
+
+
+@compiled
+def mirror(H: Array) -> None:
+    """Write a symmetric matrix (6, 6) below its diagonal as above it."""
     for i in range(6):
         for j in range(i):
             H[i, j] = H[j, i]
-    return H, g, squared
 
 
 @compiled

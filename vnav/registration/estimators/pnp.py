@@ -15,7 +15,7 @@ from vnav.core.frame import PoseEstimate, Rejected
 from vnav.registration.compiled_geometry import MIN_Z_M, Point, exp, transform
 from vnav.registration.correspondences import Correspondences
 from vnav.registration.estimators.agreement import agreed
-from vnav.registration.refinement import carried_covariance, whiten
+from vnav.registration.refinement import add_rows, carried_covariance, mirror, whiten
 
 SAMPLE, CONFIDENCE = 3, 0.999
 ROUNDS, ITERATIONS = 4, 10
@@ -185,9 +185,6 @@ def _normal_equations(
         near = min(length, HUBER)
         cost += near * (2 * length - near)
         weight = near / max(length, 1e-12)
-        for k in range(2):
-            for i in range(6):
-                g[i] += weight * J[k, i] * e[k]
-                for j in range(6):
-                    H[i, j] += weight * J[k, i] * J[k, j]
+        add_rows(H, g, J, e, weight, 2)
+    mirror(H)
     return H, g, cost
