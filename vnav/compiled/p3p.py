@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vnav.compiled import compiled
+from vnav.compiled.triangles import dot, fill_axes
 
 Array = NDArray[np.float64]
 Pair = tuple[float, float]
@@ -28,13 +29,13 @@ def p3p(rays: Array, points_world: Array) -> Array:
     camera, camera_axes, world_axes = np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3))
     for s in range(len(rays)):
         world = points_world[s]
-        _basis(world, world_axes)
+        fill_axes(world, world_axes)
         a, b = _squared_sides(world), _cosines(rays[s])
         for plane in _planes(a, b):
             for d1, d2, d3 in _on_plane(plane, a, b):
                 if min(d1, d2, d3) > 0 and max(d1, d2, d3) < np.inf:  # false for NaN
                     _scaled(rays[s], _polished((d1, d2, d3), a, b), camera)
-                    _basis(camera, camera_axes)
+                    fill_axes(camera, camera_axes)
                     _aligned(camera, camera_axes, world, world_axes, poses[count])
                     count += np.isfinite(poses[count].sum())
     return poses[:count]
@@ -52,7 +53,7 @@ def _squared_sides(p: Array) -> Three:
 @compiled
 def _cosines(rays: Array) -> Three:
     """Of the angles between three rays (3, 3)."""
-    return _dot(rays[0], rays[1]), _dot(rays[0], rays[2]), _dot(rays[1], rays[2])
+    return dot(rays[0], rays[1]), dot(rays[0], rays[2]), dot(rays[1], rays[2])
 
 
 @compiled
@@ -175,29 +176,3 @@ def _aligned(
             for k in range(3):
                 pose[i, j] += camera_axes[k, i] * world_axes[k, j]
             pose[i, 3] -= pose[i, j] * world[0, j]
-
-
-@compiled
-def _basis(points: Array, axes: Array) -> None:
-    """Fill the orthonormal axes, as rows, of a triangle (3, 3)."""
-    for k in range(3):
-        axes[0, k] = points[1, k] - points[0, k]
-        axes[1, k] = points[2, k] - points[0, k]
-    _cross(axes[0], axes[1], axes[2])
-    for k in (0, 2):
-        length = np.sqrt(_dot(axes[k], axes[k]))
-        for n in range(3):
-            axes[k, n] /= length
-    _cross(axes[2], axes[0], axes[1])
-
-
-@compiled
-def _cross(a: Array, b: Array, product: Array) -> None:
-    product[0] = a[1] * b[2] - a[2] * b[1]
-    product[1] = a[2] * b[0] - a[0] * b[2]
-    product[2] = a[0] * b[1] - a[1] * b[0]
-
-
-@compiled
-def _dot(a: Array, b: Array) -> float:
-    return float(a[0] * b[0] + a[1] * b[1] + a[2] * b[2])

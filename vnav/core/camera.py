@@ -29,6 +29,11 @@ class Intrinsics:
         return np.array([[self.fx, 0, self.cx], [0, self.fy, self.cy], [0, 0, 1]])
 
     @property
+    def pinhole(self) -> Array:
+        """fx, fy, cx, cy (4,)."""
+        return np.array([self.fx, self.fy, self.cx, self.cy], float)
+
+    @property
     def size(self) -> tuple[int, int]:
         """Width and height in pixels."""
         return self.width, self.height

@@ -92,7 +92,7 @@ def places_in(
     And the inverse depth that it has there. Both views have one camera.
     """
     T = other.T_camera_track @ view.T_track_camera
-    return _block_places(inverse_depth, T, view.pinhole, step)
+    return _block_places(inverse_depth, T, view.frame.intrinsics.pinhole, step)
 
 
 @compiled

@@ -42,12 +42,6 @@ class PosedView:
         return se3.inverse(self.T_track_camera)
 
     @cached_property
-    def pinhole(self) -> Array:
-        """Its camera's fx, fy, cx, cy, in blocks."""
-        K = self.frame.intrinsics
-        return np.array([K.fx, K.fy, K.cx, K.cy])
-
-    @cached_property
     def nearest(self) -> Floats:
         """Largest inverse depth (h, w) about each block, 0 where there is none."""
         return np.asarray(cv2.dilate(self.frame.inverse_depth, AROUND), np.float32)

@@ -25,10 +25,9 @@ def by_depth(last: ReducedFrame, current: ReducedFrame, T_last_current: Array) -
     Blocks without depth are as far as the nearest ones that have it; in a frame without any depth
     all are at infinity.
     """
-    K, everywhere = current.intrinsics, filled(current.inverse_depth)
-    camera = np.array([K.fx, K.fy, K.cx, K.cy])
+    everywhere = filled(current.inverse_depth)
     depths = everywhere, current.inverse_depth, last.inverse_depth
-    return _places_before(*depths, T_last_current, camera)
+    return _places_before(*depths, T_last_current, current.intrinsics.pinhole)
 
 
 @compiled

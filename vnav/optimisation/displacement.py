@@ -151,8 +151,8 @@ def _registered(
     if len(a) < config.min_inliers:
         return None
     source = cameras[0].unproject(a[:, :2], 1 / a[:, 2])
-    fx_fy_cx_cy = np.array([(c.fx, c.fy, c.cx, c.cy) for c in cameras])
+    pinholes = np.stack([camera.pinhole for camera in cameras])
     pixel, depth = config.pixel_sigma_px**2, config.depth_sigma_per_m2**2
     noise = np.array([pixel, pixel, depth]), np.full(len(a), depth)
-    found, _, _ = gauss_newton(T_a_b, source, b, np.ones(len(a), bool), fx_fy_cx_cy, *noise)
+    found, _, _ = gauss_newton(T_a_b, source, b, np.ones(len(a), bool), pinholes, *noise)
     return np.asarray(found)

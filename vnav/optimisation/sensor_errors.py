@@ -21,7 +21,6 @@ from vnav.core.mapping import FrameFeatures, FrameTable, Odometry
 from vnav.features.lifting import inverse_depth_planes
 
 DepthOf = Callable[[int], NDArray[np.float32]]
-Pinhole = tuple[float, float, float, float]  # fx, fy, cx, cy
 
 
 @dataclass(frozen=True)
@@ -88,7 +87,7 @@ class MovingCamera:
 
         To second order: the third is a fiftieth of a pixel after 30 ms at 120 degrees a second.
         """
-        found = _moved(px, inverse, after_s, self.twist, self._pinhole)
+        found = _moved(px, inverse, after_s, self.twist, self.intrinsics.pinhole)
         return found[:, :2], found[:, 2]
 
     def by_error(self, px: Array, inverse: Array, slopes: Array) -> Array:
@@ -97,7 +96,8 @@ class MovingCamera:
         ``slopes`` (F, 2): of the inverse depth, which a depth image has under a pixel that lies
         elsewhere on the surface by then.
         """
-        flow, growth = self._flow(px, inverse)
+        gained = _flow(px, inverse, self.twist, self.intrinsics.pinhole)
+        flow, growth = gained[:, :2], gained[:, 2]
         along, rows = (slopes * flow).sum(1), self.rows(px)
         found = np.zeros((len(px), 3, 4))
         found[:, 2, 0] = 1
@@ -105,15 +105,6 @@ class MovingCamera:
         found[:, 2, 3] = self.uneven_s * found[:, 2, 1]
         found[:, :2, 2], found[:, 2, 2] = flow * rows[:, None], along * rows
         return found
-
-    def _flow(self, px: Array, inverse: Array) -> tuple[Array, Array]:
-        """Pixels (F, 2) and inverse depth (F,) that a point gains in a second."""
-        found = _flow(px, inverse, self.twist, self._pinhole)
-        return found[:, :2], found[:, 2]
-
-    @property
-    def _pinhole(self) -> Pinhole:
-        return self.intrinsics.fx, self.intrinsics.fy, self.intrinsics.cx, self.intrinsics.cy
 
 
 @dataclass(frozen=True)
@@ -221,7 +212,7 @@ def _filled(inverse: Array) -> Array:
 
 
 @compiled
-def _moved(px: Array, inverse: Array, after_s: Array, twist: Array, pinhole: Pinhole) -> Array:
+def _moved(px: Array, inverse: Array, after_s: Array, twist: Array, pinhole: Array) -> Array:
     """The loop of `MovingCamera.moved`: pixels and inverse depth (F, 3)."""
     fx, fy, cx, cy = pinhole
     found = np.empty((len(px), 3))
@@ -240,8 +231,8 @@ def _moved(px: Array, inverse: Array, after_s: Array, twist: Array, pinhole: Pin
 
 
 @compiled
-def _flow(px: Array, inverse: Array, twist: Array, pinhole: Pinhole) -> Array:
-    """The loop of `MovingCamera._flow`: gains of pixels and of inverse depth (F, 3)."""
+def _flow(px: Array, inverse: Array, twist: Array, pinhole: Array) -> Array:
+    """Pixels and inverse depth (F, 3) that points gain in a second."""
     fx, fy, cx, cy = pinhole
     found = np.empty((len(px), 3))
     for n in range(len(px)):

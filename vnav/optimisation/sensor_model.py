@@ -62,7 +62,7 @@ class SensorModel:
         self.intrinsics = intrinsics  # one a camera row
         self.pixel_sigma = config.pixel_sigma_px
         self.depth_sigma = config.depth_sigma_per_m2
-        self._fx_fy_cx_cy = np.array([(i.fx, i.fy, i.cx, i.cy) for i in intrinsics])
+        self._fx_fy_cx_cy = np.stack([camera.pinhole for camera in intrinsics])
         self.focal_px = self._fx_fy_cx_cy[:, 0]
 
     def fitted(self, bundle: Bundle, seen: Observations) -> "SensorModel":

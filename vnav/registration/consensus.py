@@ -8,13 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vnav.compiled import compiled
+from vnav.compiled.triangles import dot, fill_axes
 from vnav.core.arrays import Array
 from vnav.registration.compiled_geometry import MIN_Z_M, inverse
 
 MIN_TRIALS = 16  # however many agree with the first: three noisy points make a rough motion
-LEAST_AREA = (
-    1e-9  # of a triangle, twice, to the squares of two sides: else its points are on a line
-)
 
 
 @compiled
@@ -76,60 +74,32 @@ def _aligned(points_a: Array, points_b: Array) -> Array:
     """``T_a_b`` between three matched points (3, 3); see `vnav.core.se3.align`.
 
     The normals of both triangles are made one, then they are turned about it. Points on a line are
-    not turned.
+    not turned: they have no axes.
     """
-    (mean_a, A), (mean_b, B) = _frame(points_a), _frame(points_b)
+    A, B = np.empty((3, 3)), np.empty((3, 3))
+    fill_axes(points_a, A)
+    fill_axes(points_b, B)
+    mean_a, mean_b = np.zeros(3), np.zeros(3)
+    for k in range(3):
+        mean_a += points_a[k] / 3
+        mean_b += points_b[k] / 3
     along, across = 0.0, 0.0
     for k in range(3):
         a, b = points_a[k] - mean_a, points_b[k] - mean_b
-        xa, ya = _dot(A[0], a), _dot(A[1], a)
-        xb, yb = _dot(B[0], b), _dot(B[1], b)
+        xa, ya = dot(A[0], a), dot(A[1], a)
+        xb, yb = dot(B[0], b), dot(B[1], b)
         along, across = along + xa * xb + ya * yb, across + xb * ya - yb * xa
     length = np.hypot(along, across)
     T = np.eye(4)
-    if length > 0:
+    if length > 0:  # false for NaN
         c, s = along / length, across / length
         for i in range(3):
             x, y = c * A[0, i] + s * A[1, i], c * A[1, i] - s * A[0, i]
             for j in range(3):
                 T[i, j] = x * B[0, j] + y * B[1, j] + A[2, i] * B[2, j]
     for i in range(3):
-        T[i, 3] = mean_a[i] - _dot(T[i], mean_b)
+        T[i, 3] = mean_a[i] - dot(T[i], mean_b)
     return T
-
-
-@compiled
-def _frame(points: Array) -> tuple[Array, Array]:
-    """The mean of three points (3, 3), and axes (3, 3) of which the last is their normal.
-
-    Axes of points on a line are zeros.
-    """
-    mean, axes = np.zeros(3), np.zeros((3, 3))
-    for k in range(3):
-        mean += points[k] / 3
-    axes[0], axes[1] = points[1] - points[0], points[2] - points[0]
-    _cross(axes[2], axes[0], axes[1])
-    sides, area = _dot(axes[0], axes[0]), np.sqrt(_dot(axes[2], axes[2]))
-    if not area > LEAST_AREA * (sides + _dot(axes[1], axes[1])):
-        return mean, np.zeros((3, 3))
-    axes[0] /= np.sqrt(sides)
-    axes[2] /= area
-    _cross(axes[1], axes[2], axes[0])
-    return mean, axes
-
-
-@compiled
-def _cross(result: Array, a: Array, b: Array) -> None:
-    """The vector (3,) that is normal to two."""
-    for k in range(3):
-        i, j = (k + 1) % 3, (k + 2) % 3
-        result[k] = a[i] * b[j] - a[j] * b[i]
-
-
-@compiled
-def _dot(a: Array, b: Array) -> float:
-    """Of the first three numbers."""
-    return float(a[0] * b[0] + a[1] * b[1] + a[2] * b[2])
 
 
 @compiled

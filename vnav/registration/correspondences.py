@@ -72,7 +72,7 @@ class Correspondences:
             self._source[self.far] = points(a, rows, cameras[0])
             self._depth_variances[self.far] = inverse_depths(a, rows)[:, 1] ** 2
         self._target = np.concatenate([px, 1 / depth_m], 1)
-        self._cameras = np.array([[k.fx, k.fy, k.cx, k.cy] for k in cameras])
+        self._cameras = np.stack([camera.pinhole for camera in cameras])
         self._sigmas = np.array([config.pixel_sigma_px, config.depth_sigma_per_m2])
         self._variances = np.repeat(self._sigmas, (2, 1)) ** 2
         self._points_b = points_b

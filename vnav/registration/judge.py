@@ -121,10 +121,9 @@ def are_same(
 
     Also those that are apart by no more than what the camera moves within ``delay_s``.
     """
-    pixels, c = _grid(a.intrinsics, MAX_SAMPLES // 8)[0], a.intrinsics
+    pixels, camera = _grid(a.intrinsics, MAX_SAMPLES // 8)[0], a.intrinsics.pinhole
     limits = SAME * config.ransac_threshold_px / BLOCK_PX, SEEN_SIGMAS * config.depth_sigma_per_m2
     motions = np.stack([T_a_b, U_a_b]), delay_s * a.twist
-    camera = np.array([c.fx, c.fy, c.cx, c.cy])
     return bool(put_alike(*motions, a.inverse_depth, camera, pixels, np.array(limits)) >= 0.5)
 
 
@@ -164,8 +163,7 @@ class _View:
         spread = inverse_depth[known].std() if known.any() else 0.0
         total, count = (np.bincount(cells, k, CELLS[0] * CELLS[1]) for k in (inverse_depth, known))
         surface = (total / np.maximum(count, 1)).reshape(CELLS)
-        c = frame.intrinsics
-        camera = np.array([c.fx, c.fy, c.cx, c.cy, *frame.twist])
+        camera = np.concatenate([frame.intrinsics.pinhole, frame.twist])
         late, weight = lateness(image, camera, pixels), stride**2 / CORRELATED
         spreads = np.array([spread, brightness.std()])
         far = np.flatnonzero(~known if frame.masked is None else ~(known | frame.masked[v, u]))

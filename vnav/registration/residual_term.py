@@ -93,8 +93,7 @@ class ResidualTerm:
 
     def _sums(self, T_a_b: Array) -> tuple[Array, Array, Array, Array]:
         expected = self.gain * self.brightness + self.offset
-        c = self.camera
-        camera = np.array([c.fx, c.fy, c.cx, c.cy])
+        camera = self.camera.pinhole
         sums: tuple[Array, Array, Array, Array] = _weighted_sums(
             np.asarray(T_a_b), self.points, expected, self.image, camera, self.sigma
         )

@@ -115,7 +115,7 @@ def _usual(values: Sequence[float]) -> float:
 def _nearer(a: ReducedFrame, b: ReducedFrame, T_b_a: Array, config: RegistrationConfig) -> Array:
     """How much nearer (N,) points of a are than b's surface, in sigmas; NaN where hidden."""
     cameras = np.zeros((2, 10))  # at rest: their delays are known by now
-    cameras[:, :4] = [[c.fx, c.fy, c.cx, c.cy] for c in (a.intrinsics, b.intrinsics)]
+    cameras[:, :4] = a.intrinsics.pinhole, b.intrinsics.pinhole
     sigmas = np.array(
         [config.pixel_sigma_px / BLOCK_PX, config.depth_sigma_per_m2, GREY_SIGMA, 0, 0]
     )
