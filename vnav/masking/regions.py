@@ -43,9 +43,10 @@ def bodies(regions: Blocks) -> Blocks:
 
 
 def may_hold_bodies(coarse: Blocks) -> bool:
-    """Whether blocks have bodies in them that are opened, told by one of each two rows and columns.
+    """Whether opened regions may have a body, where only each second row and column was asked.
 
-    Three blocks by three, of which an opened region is made, lie within two blocks of one of those.
+    Such a region is made of squares of three by three blocks. Each square has a block that was
+    asked, and lies within two blocks of that.
     """
     reached = widened(widened(coarse)) if coarse.any() else coarse
     return bool(reached.sum() >= LEAST_SHARE * coarse.size and bodies(reached).any())
