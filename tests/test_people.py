@@ -12,7 +12,7 @@ from vnav.io.formats.trajectories import read_tum
 from vnav.synthetic import MINIATURE, SCENES, write_capture
 from vnav.synthetic.figure import Posture, dressed
 from vnav.synthetic.masks import moving_around, read_moving_masks
-from vnav.synthetic.people import Peopled, walkers_share
+from vnav.synthetic.people import Peopled, Walker, walkers_share
 from vnav.synthetic.places import CLEARANCE_M, MOVES, NET_M, net_of
 from vnav.synthetic.rendered_capture import camera_poses, with_walkers
 from vnav.synthetic.sights import FILLED, covered, sight_of
@@ -97,6 +97,18 @@ def test_somebody_sits_down_and_stands_up(people: Peopled) -> None:
     walker = int(sit.max(0).argmax())
     assert sit[0, walker] == 0
     assert sit[seated:, walker].min() == 0
+
+
+def test_where_there_are_no_seats_everybody_stands_in_pauses() -> None:
+    """Every other one sits down where there are seats: of two, one."""
+    spec = replace(SPEC, scene="library", frames=100, walkers=2)
+    found = with_walkers(SCENES["library"](0), spec)
+    assert found is not None
+    times_s = np.arange(0, spec.frames / spec.rate_hz, STEP_S)
+    for walker in found.walkers:
+        assert isinstance(walker, Walker)
+        assert max(walker.stroll.at(t).sit for t in times_s) == 0
+        assert not all(walker.stroll.moves_at(t) for t in times_s)
 
 
 def test_people_keep_clear_of_what_stands_in_the_room(people: Peopled) -> None:

@@ -119,15 +119,17 @@ def peopled(
 ) -> Peopled:
     """The scene with ``count`` walkers who cover that share of a camera's pixels, in the mean.
 
-    ``T_world_camera`` (K, 4, 4): where the camera is every STEP_S from time 0 on. CaptureError
-    where they cannot cover as much, or not as little.
+    ``T_world_camera`` (K, 4, 4): where the camera is every STEP_S from time 0 on. Every other one
+    sits down at times, where there are seats. CaptureError where they cannot cover as much, or not
+    as little.
     """
     T, rng = np.asarray(T_world_camera, float), np.random.default_rng([seed, 6])
     view = view.scaled(VIEW_WIDTH, round(VIEW_WIDTH * view.height / view.width))
     figures = [dressed(rng, (seed, 7, n)) for n in range(count)]
-    schedules = [schedule(len(T) - 1, n % 2 == 1, rng) for n in range(count)]
-    wave = 1 + WAVE * np.sin(2 * np.pi * (np.arange(len(T)) * STEP_S / WAVE_S + rng.random()))
     net = net_of(scene)
+    has_seats = bool(np.isfinite(net.seats).any())
+    schedules = [schedule(len(T) - 1, has_seats and n % 2 == 1, rng) for n in range(count)]
+    wave = 1 + WAVE * np.sin(2 * np.pi * (np.arange(len(T)) * STEP_S / WAVE_S + rng.random()))
     sights = [sight_of(scene.render_depth(view, pose), net, view, pose) for pose in T]
     found, aim = [], share
     for _ in range(TRIES):
