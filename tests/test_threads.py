@@ -10,7 +10,7 @@ from concurrent.futures import ThreadPoolExecutor
 
 import pytest
 
-from vnav.threads import AHEAD, SharedLimit, made_ahead
+from vnav.threads import AHEAD, Behind, SharedLimit, made_ahead
 
 TRAIN = """
 import hashlib
@@ -176,3 +176,27 @@ def test_no_more_than_a_few_items_are_made_ahead() -> None:
 def test_an_error_while_an_item_is_made_is_raised_where_it_is_used() -> None:
     with pytest.raises(ZeroDivisionError):
         list(made_ahead(lambda k: 1 // k, (1, 0)))
+
+
+def test_work_behind_is_done_in_order_and_before_the_wait_ends() -> None:
+    behind, done = Behind(), list[int]()
+
+    def work() -> None:
+        time.sleep(0.01)
+        done.append(len(done))
+
+    for _ in range(3):
+        behind.start(work)
+    behind.wait()
+    assert done == [0, 1, 2]
+
+
+def test_what_work_behind_raises_is_raised_once_and_where_it_is_waited_for() -> None:
+    def work() -> None:
+        raise ValueError("mine")
+
+    behind = Behind()
+    behind.start(work)
+    with pytest.raises(ValueError, match="mine"):
+        behind.wait()
+    behind.wait()

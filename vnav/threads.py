@@ -50,6 +50,28 @@ def made_ahead(make: Callable[[Item], Made], items: Iterable[Item]) -> Iterator[
             yield coming.popleft().result()
 
 
+class Behind:
+    """Work that a thread of its own does, while its owner goes on to where that is needed.
+
+    What the work changes is the thread's from `start` to `wait`.
+    """
+
+    def __init__(self) -> None:
+        self._thread = ThreadPoolExecutor(1)
+        self._work: Future[None] | None = None
+
+    def start(self, work: Callable[[], None]) -> None:
+        """Begin, when the work before is done."""
+        self.wait()
+        self._work = self._thread.submit(work)
+
+    def wait(self) -> None:
+        """Until the work is done; raises what it raised."""
+        work, self._work = self._work, None
+        if work is not None:
+            work.result()
+
+
 def openmp_free_pool() -> ThreadPoolExecutor:
     """A thread a core, in which OpenMP has no others: its limit is each thread's own."""
     return ThreadPoolExecutor(os.cpu_count(), initializer=_one_native_thread, initargs=("openmp",))

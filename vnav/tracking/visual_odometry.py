@@ -16,6 +16,7 @@ from vnav.errors import CaptureError
 from vnav.features.description import FrameDescriber
 from vnav.masking.view import Blocks
 from vnav.registration.dense import DenseEstimate
+from vnav.threads import Behind
 from vnav.tracking.dense_tracking import DenseTracker
 from vnav.tracking.feature_tracking import (
     MAX_SIGMA_M,
@@ -53,6 +54,7 @@ class VisualOdometry:
         self._dense = DenseTracker(config)
         self._map = MapTracker(config, self._motion)
         self._second = SecondTracking(config, self._masked.masks)
+        self._behind = Behind()
         self._edges: dict[int, list[Edge]] = {}  # by the row of the frame that they lead to
         self._alternatives: dict[int, list[Edge]] = {}
         self._degenerate_edges: list[Edge] = []
@@ -81,8 +83,7 @@ class VisualOdometry:
             self._remember(current, frame, is_keyframe, choice)
         if is_keyframe:
             self._map.add(features, frame, choice.estimates)
-        self._masked.remember(features.row, is_keyframe)
-        self._take(self._second.track(self._edges))
+        self._behind.start(lambda: self._look_back(features.row, is_keyframe))
         return is_keyframe
 
     @property
@@ -96,6 +97,7 @@ class VisualOdometry:
 
     def result(self, frames: FrameTable) -> Odometry:
         """Everything that was tracked, as segments of connected frames."""
+        self._behind.wait()
         self._take(self._second.end(self._edges))
         masks = self._second.masks
         moving_share = masks.shares(len(frames))
@@ -142,7 +144,9 @@ class VisualOdometry:
         A frame by some of its features, or by those of another, is described whole where it sees
         enough else to become a keyframe, and where what stands still leaves its motion in doubt.
         """
-        current, choice = self._masked.track(*self._first_tracked(seen, frame))
+        tracked = self._first_tracked(seen, frame)
+        self._behind.wait()
+        current, choice = self._masked.track(*tracked)
         max_sigma_m = MAX_COARSE_SIGMA_M if current.features.is_coarse else MAX_SIGMA_M
         is_doubted = not current.is_whole and is_doubtful(choice, max_sigma_m)
         is_new_view = not current.is_whole and self._is_keyframe(current, choice.estimates)
@@ -208,6 +212,14 @@ class VisualOdometry:
         if not (edges or degenerate):
             self._reasons[row] = "no frame before it matches"
         return not edges and bool(degenerate)
+
+    def _look_back(self, row: int, is_keyframe: bool) -> None:
+        """Mask earlier frames by the one that was tracked last, and track them by what is left.
+
+        Behind the next frame's first tracking, which has nothing to do with masks.
+        """
+        self._masked.remember(row, is_keyframe)
+        self._take(self._second.track(self._edges))
 
     def _take(self, found: Iterable[tuple[int, ChosenMotions]]) -> None:
         """Give frames the edges that later masks leave."""
