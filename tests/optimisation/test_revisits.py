@@ -12,7 +12,7 @@ from vnav.core import se3
 from vnav.core.arrays import Array
 from vnav.core.camera import Intrinsics
 from vnav.core.camera_motion import velocities
-from vnav.core.frame import Edge
+from vnav.core.frame import Edge, Frame
 from vnav.core.graph import chain
 from vnav.core.mapping import Odometry
 from vnav.io.store.artifacts import load_keyframe, load_odometry
@@ -71,6 +71,32 @@ def test_surfaces_bear_out_a_walk_that_is_right(odometry: Odometry, looking: Loo
     revisits = looking(odometry).revisits(odometry.T_segment_camera, at_once(odometry))
     assert len(revisits.pairs) >= 5
     assert not revisits.contradict
+
+
+def with_somebody(frame: Frame) -> Frame:
+    """Somebody near covers a quarter of the view."""
+    color, depth_m = frame.color.copy(), frame.depth_m.copy()
+    height, width = depth_m.shape
+    body = slice(height // 8, None), slice(3 * width // 5, 9 * width // 10)
+    depth_m[body] = 0.6
+    color[body] = np.random.default_rng(frame.index).integers(0, 255, color[body].shape)
+    return dataclasses.replace(frame, color=color, depth_m=depth_m)
+
+
+@pytest.mark.parametrize("turned", [False, True])
+def test_somebody_who_stands_where_a_walk_ends_does_not_hide_whether_it_is_right(
+    odometry: Odometry, bent: Odometry, folder: MapFolder, camera: Intrinsics, turned: bool
+) -> None:
+    last = odometry.keyframe_rows[-1]
+
+    def views(row: int) -> Frame:
+        frame = load_keyframe(folder, row, odometry.frames)
+        return with_somebody(frame) if row == last else frame
+
+    walk = bent if turned else odometry
+    look = SecondLook(walk, [camera], views, CONFIG)
+
+    assert look.revisits(walk.T_segment_camera, at_once(walk)).contradict == turned
 
 
 def test_surfaces_contradict_a_walk_that_has_turned_too_far(

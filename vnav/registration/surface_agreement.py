@@ -4,7 +4,7 @@ A map that is bent puts surfaces where other keyframes see free space, or beside
 two keyframes may differ, their sensor tells itself: by keyframes that follow each other.
 """
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,6 +14,8 @@ from vnav.config import RegistrationConfig
 from vnav.core import se3
 from vnav.core.arrays import Array, Floats
 from vnav.core.reduced_frame import BLOCK_PX, ReducedFrame, Seen
+from vnav.registration.dense import fitted_near
+from vnav.registration.judge import CLEAR, are_same, judge
 from vnav.registration.pixel_evidence import carried
 
 STRIDE_PX = 2  # between the pixels that are compared
@@ -24,6 +26,7 @@ USUAL = 0.9  # quantile of neighbours that says what is usual
 MEDIAN_SIGMAS = 0.17  # at most, of the median distance by noise alone: blocks are means of 16
 UNUSUAL_TIMES = 2.0  # off by so many times what is usual
 UNUSUAL_SHARE = 0.1  # of points seen through, beyond what is usual
+BESIDE_M = 0.2 * np.eye(3)  # to either side of a pose, and far enough to be another
 
 
 @dataclass(frozen=True)
@@ -82,13 +85,39 @@ def agreements(
     return [each for each in found if each is not None]
 
 
-def disagreeing(revisits: Sequence[Agreement], neighbours: Sequence[Agreement]) -> list[Agreement]:
-    """Those revisits that agree less than neighbours usually do; none without neighbours."""
+def disagreeing(
+    revisits: Sequence[Agreement],
+    neighbours: Sequence[Agreement],
+    is_borne_out: Callable[[Agreement], bool],
+) -> list[Agreement]:
+    """Those revisits that agree less than neighbours usually do; none without neighbours.
+
+    Somebody who stood there for one of the two, or what came or left meanwhile, is seen through as
+    a surface is that the map displaces. Images that bear the poses out tell the one from the other.
+    """
     if not neighbours:
         return []
     off = UNUSUAL_TIMES * max(_usual([n.off_sigmas for n in neighbours]), MEDIAN_SIGMAS)
     through = _most_through(neighbours)
-    return [r for r in revisits if r.off_sigmas > off or r.seen_through > through]
+
+    def disagrees(each: Agreement) -> bool:
+        return each.off_sigmas > off or (each.seen_through > through and not is_borne_out(each))
+
+    return [each for each in revisits if disagrees(each)]
+
+
+def borne_out(a: ReducedFrame, b: ReducedFrame, T_a_b: Array, config: RegistrationConfig) -> bool:
+    """Whether all pixels clearly prefer a motion to those beside it, and to chance.
+
+    And do not clearly prefer the one that fits best near it. By far off the truth, surfaces that
+    are alike agree there and beside it.
+    """
+    best = fitted_near(a, b, config, T_a_b)
+    nearer = [] if are_same(a, T_a_b, best, config) else [best]
+    beside = T_a_b @ se3.make(np.eye(3), np.concatenate([BESIDE_M, -BESIDE_M]))
+    log_odds = judge(a, b, [T_a_b, *nearer, *beside], config).log_odds[0, 1:]
+    than_best, than_others = np.split(log_odds, [len(nearer)])
+    return bool((than_best > -CLEAR).all() and (than_others > CLEAR).all())
 
 
 def seeing_through(
