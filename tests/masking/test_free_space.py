@@ -57,6 +57,31 @@ def ahead(metres: float) -> Array:
     return pose
 
 
+def turning(view: PosedView, rad_s: float) -> PosedView:
+    """The same of a camera that turns about its y, so that what it sees goes sideways."""
+    return replace(view, frame=view.frame.moving(np.array([0, rad_s, 0, 0, 0, 0])))
+
+
+@pytest.mark.parametrize(("rad_s", "other_rad_s", "blocks"), [(1, -1, 0), (0, 0, 2), (1, 1, 2)])
+def test_what_late_depth_displaces_is_seen_through_only_where_cameras_turn_alike(
+    rad_s: float, other_rad_s: float, blocks: int
+) -> None:
+    """Cameras that turn by 2 rad/s apart show depth 30 ms late 4 blocks beside."""
+    shift_m = 4 / CAMERA.fx * 2.0  # of the box, at 2 m
+    view, other = views(0.0, shift_m)
+    votes = count_votes(turning(view, rad_s), [turning(other, other_rad_s)], SIGMA, MARGIN_M)
+    centre = CAMERA.height // 2
+    # of 4, one has no depth and one is a misalignment
+    assert votes.free[centre].sum() == blocks
+
+
+def test_a_thing_that_is_gone_is_seen_through_by_cameras_that_turn() -> None:
+    view, other = views(0.0, None)
+    votes = count_votes(turning(view, 1.0), [turning(other, -1.0)], SIGMA, MARGIN_M)
+    on_box = np.isclose(view.frame.inverse_depth, 1 / 2, atol=0.01)
+    assert (votes.free[on_box] == 1).all()
+
+
 def test_what_others_see_as_near_as_they_fit_is_not_seen_through() -> None:
     view, other = views(0.0, 0.0)
     votes = count_votes(view, [replace(other, T_track_camera=ahead(0.05))], SIGMA, MARGIN_M)

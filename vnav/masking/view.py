@@ -20,6 +20,33 @@ AROUND = np.ones((3, 3), np.uint8)  # a block and its neighbours
 
 
 @dataclass(frozen=True)
+class Surroundings:
+    """What a view sees about each of its blocks.
+
+    ``nearest`` and ``farthest`` (h, w): largest inverse depth, and smallest that is known, 0 where
+    there is none; ``clear`` (h, w): blocks about which all has depth: nothing thin is hidden there.
+    """
+
+    nearest: Floats
+    farthest: Floats
+    clear: Blocks
+
+    @classmethod
+    def of(cls, inverse_depth: Floats, blocks: int) -> "Surroundings":
+        """Of inverse depth (h, w), up to so many blocks to either side."""
+        around = np.ones((2 * blocks + 1, 2 * blocks + 1), np.uint8)
+        known = inverse_depth > 0
+        least = cv2.erode(np.where(known, inverse_depth, np.float32(np.inf)), around)
+        edge = cv2.BORDER_CONSTANT  # beyond the image nothing is known
+        clear = cv2.erode(known.astype(np.uint8), around, borderType=edge, borderValue=(0,)) > 0
+        return cls(
+            np.asarray(cv2.dilate(inverse_depth, around), np.float32),
+            np.where(np.isfinite(least), least, np.float32(0)),
+            np.asarray(clear),
+        )
+
+
+@dataclass(frozen=True)
 class PosedView:
     """A frame and where it was taken from.
 
@@ -42,29 +69,20 @@ class PosedView:
         return se3.inverse(self.T_track_camera)
 
     @cached_property
-    def nearest(self) -> Floats:
-        """Largest inverse depth (h, w) about each block, 0 where there is none."""
-        return np.asarray(cv2.dilate(self.frame.inverse_depth, AROUND), np.float32)
-
-    @cached_property
-    def farthest(self) -> Floats:
-        """Smallest known inverse depth (h, w) about each block, 0 where there is none."""
-        w = self.frame.inverse_depth
-        known = np.where(w > 0, w, np.float32(np.inf))
-        least = np.asarray(cv2.erode(known, AROUND), np.float32)
-        return np.where(np.isfinite(least), least, np.float32(0))
-
-    @cached_property
     def surfaces(self) -> NDArray[np.int32]:
         """The number of each block's surface (h, w), 0 where there is no depth."""
         return surfaces(self.frame)
 
+    def about(self, blocks: int) -> "Surroundings":
+        """What it sees about each block, up to so many to either side."""
+        if blocks not in self._about:
+            self._about[blocks] = Surroundings.of(self.frame.inverse_depth, blocks)
+        return self._about[blocks]
+
     @cached_property
-    def clear(self) -> Blocks:
-        """Blocks (h, w) with depth, and all about them: nothing thin is hidden there."""
-        known = (self.frame.inverse_depth > 0).astype(np.uint8)
-        edge = cv2.BORDER_CONSTANT  # beyond the image nothing is known
-        return np.asarray(cv2.erode(known, AROUND, borderType=edge, borderValue=(0,)) > 0)
+    def _about(self) -> "dict[int, Surroundings]":
+        """What has been asked for, by how far it reaches."""
+        return {}
 
 
 @dataclass(frozen=True)

@@ -85,9 +85,9 @@ class GivenPoses:
         """Take the next frame; True where it becomes a keyframe."""
         if features.row in self._reasons:
             return False
-        camera, image = frame.intrinsics, image.moving(self._twists[features.row])
-        timed = TimedFrame(image, self._poses[features.row], frame.depth_after_s)
-        T_world_depth = timed.T_world_depth(self._delay)
+        camera, moving = frame.intrinsics, image.moving(self._twists[features.row])
+        timed = TimedFrame(moving, self._poses[features.row], frame.depth_after_s)
+        T_world_depth = timed.T_world_depth(self._delay)  # of an image that is not late there
         seen = self._masks.look(TrackedFrame(features, image, camera), T_world_depth)
         current = seen.static.features
         has_features = current.has_depth.sum() >= self._config.registration.min_inliers
