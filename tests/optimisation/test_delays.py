@@ -1,6 +1,7 @@
 """A camera pans by a furnished room; its frames are registered as a sensor with delays saw them."""
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -11,6 +12,9 @@ from vnav.core.frame import Edge, Features, PoseEstimate
 from vnav.core.mapping import FrameFeatures, FrameTable, Odometry
 from vnav.features.lifting import lift
 from vnav.features.sift import SPACE
+from vnav.optimisation import solution
+from vnav.optimisation.mending import with_edges
+from vnav.optimisation.robust_graph import RobustGraph, robust_pose_graph
 from vnav.optimisation.sensor_errors import SensorErrors
 from vnav.optimisation.solution import Solution, solve
 from vnav.registration.correspondences import Correspondences
@@ -92,8 +96,11 @@ def edge(a: FrameFeatures, b: FrameFeatures) -> Edge:
 
 
 def solved(
-    recorded: tuple[list[FrameFeatures], list[np.ndarray]], config: OptimiseConfig
+    recorded: tuple[list[FrameFeatures], list[np.ndarray]],
+    config: OptimiseConfig,
+    across: int | None = None,
 ) -> Solution:
+    """Without closures ``across`` a frame, if one is named."""
     frames, depths = recorded
     keyframes = tuple(frames[::EVERY])
     number = np.arange(len(keyframes))
@@ -109,7 +116,8 @@ def solved(
         poses.append(poses[-1] @ e.T_i_j)
     table = FrameTable(0 * rows, rows, rows / RATE_HZ)
     odometry = Odometry(table, np.array(poses), 0 * rows, ("",) * FRAMES, tuple(edges), keyframes)
-    closures = [edge(keyframes[i], keyframes[j]) for i, j in pairs]
+    closed = [(keyframes[i], keyframes[j]) for i, j in pairs]
+    closures = [edge(a, b) for a, b in closed if across is None or not a.row < across <= b.row]
     every = np.concatenate(matches).astype(np.int32)
     whole = replace(Config(), optimise=config)
     return solve(odometry, closures, every, [CAMERA], whole, depth_of=depths.__getitem__)
@@ -148,3 +156,29 @@ def test_closures_that_only_delays_displace_are_kept(allowed_for: Solution, left
     kept = left.robust.graph.kept
     assert kept.sum() < 0.9 * len(kept)
     assert allowed_for.robust.graph.kept.all()
+
+
+def test_what_was_cut_before_delays_were_known_is_freed_of_them_too(
+    recorded: tuple[list[FrameFeatures], list[np.ndarray]], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Late depth can make edges contradict each other so much that a first pass cuts them."""
+    given: list[Odometry] = []
+    middle = FRAMES // 2
+
+    def cutting(odometry: Odometry, *others: Any) -> RobustGraph:
+        given.append(odometry)
+        if len(given) == 1:
+            kept = [e for e in odometry.edges if not e.i < middle <= e.j]
+            odometry = with_edges(odometry, kept)
+        return robust_pose_graph(odometry, *others)
+
+    monkeypatch.setattr(solution, "robust_pose_graph", cutting)
+    solved(recorded, OptimiseConfig(), across=middle)
+
+    def off_rad(odometry: Odometry) -> float:
+        (across,) = (e for e in odometry.edges if e.i < middle <= e.j)
+        true = pose(np.array([across.i, across.j]) / RATE_HZ)
+        return float(se3.rotation_angle(se3.inverse(across.T_i_j) @ se3.inverse(true[0]) @ true[1]))
+
+    measured, freed = given
+    assert off_rad(freed) < 0.2 * off_rad(measured)

@@ -53,13 +53,20 @@ def attach_degenerate_frames(
     """
     large = [rows for rows in parts.values() if len(rows) > most_frames]
     edges = _outside(np.concatenate([[-1], *large]), odometry)
+    poses = joined_by(edges, poses)
+    posed = np.isfinite(poses[:, 0, 0])
+    return poses, {name: rows for name, rows in parts.items() if not posed[rows].any()}
+
+
+def joined_by(edges: Sequence[Edge], poses: Array) -> Array:
+    """Poses (N, 4, 4) with those of frames that edges connect to them; the ones before stay."""
     fixed = np.isfinite(poses[:, 0, 0])
     poses = propagate_poses(poses, edges)
     posed = np.isfinite(poses[:, 0, 0])
-    if posed.sum() > fixed.sum():
-        inside = [e for e in edges if posed[e.i] and posed[e.j]]
-        poses = optimise_others(poses, inside, np.flatnonzero(fixed))
-    return poses, {name: rows for name, rows in parts.items() if not posed[rows].any()}
+    if not (posed & ~fixed).any():
+        return poses
+    inside = [e for e in edges if posed[e.i] and posed[e.j]]
+    return optimise_others(poses, inside, np.flatnonzero(fixed))
 
 
 def _outside(rows: NDArray[np.intp], odometry: Odometry) -> list[Edge]:

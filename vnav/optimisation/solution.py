@@ -23,6 +23,7 @@ from vnav.optimisation.parts import (
     Parts,
     attach_degenerate_frames,
     follow_keyframes,
+    joined_by,
     split_parts,
 )
 from vnav.optimisation.pose_noise import pose_noise
@@ -148,10 +149,14 @@ class _Joined:
     def undisplaced(
         self, measured: Adjustment, closures: Sequence[Edge]
     ) -> tuple[Adjustment, list[Edge]]:
-        """Odometry and closures as a sensor without the delays found would have measured them."""
+        """Odometry and closures as a sensor without the delays found would have measured them.
+
+        Delays make edges contradict each other, so what was cut for that is freed of them, too.
+        """
+        edges = measured.odometry.edges
         poses = self._following(self.keyframes.T_world_camera, self.edges)
         poses = self._following(self.keyframes.T_world_camera, self._freed(self.edges, poses))
-        edges = measured.odometry.edges
+        poses = joined_by(edges, poses)
         freed = self._freed([*edges, *closures], poses)
         odometry = with_edges(measured.odometry, freed[: len(edges)])
         return replace(measured, odometry=odometry, known=self.sensor), freed[len(edges) :]
