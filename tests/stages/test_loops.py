@@ -204,6 +204,24 @@ def test_keyframes_that_odometry_joined_need_no_more_matches_than_it_demands(
     assert apart == set(range(1, NEIGHBOURS + 1))
 
 
+def test_they_are_matched_across_what_odometry_contradicts_too(
+    odometry: Odometry, tree: VocabularyTree, camera: Intrinsics
+) -> None:
+    """Edges that lead to a frame 10 cm apart from each other leave open which is right."""
+    few, row = first_frames(odometry, 24), 12
+    across = [e for e in few.edges if e.i < row <= e.j]
+    step = next(e for e in across if e.j == row)
+    aside = se3.make(np.eye(3), [0.1, 0.0, 0.0])
+    wrong = dataclasses.replace(step, T_i_j=step.T_i_j @ aside)
+    edges = (*(e for e in few.edges if e not in across), step, wrong)
+
+    found = loops.close_loops(dataclasses.replace(few, edges=edges), tree, [camera], strict())
+
+    joined = [(v.i, v.j) for v in found.verdicts if v.accepted]
+    rows = few.keyframe_rows
+    assert any(rows[i] < row <= rows[j] for i, j in joined)
+
+
 def test_segments_are_joined_by_what_a_loop_demands(
     odometry: Odometry, tree: VocabularyTree, camera: Intrinsics
 ) -> None:

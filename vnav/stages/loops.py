@@ -25,7 +25,7 @@ from vnav.io.store.map_folder import MapFolder
 from vnav.io.store.stage_reports import clock, finished, reused, settings_of
 from vnav.io.store.tree_file import load_tree
 from vnav.loop_closing.loop_candidates import by_appearance, by_proximity
-from vnav.loop_closing.loop_verification import Closures, LoopVerifier
+from vnav.loop_closing.loop_verification import NEIGHBOURS, Closures, LoopVerifier
 from vnav.optimisation.robust_graph import robust_pose_graph
 from vnav.optimisation.second_look import SecondLook
 from vnav.threads import one_blas_thread
@@ -70,10 +70,26 @@ def close_loops(
         T_world_camera, part = _poses(odometry, found.edges, config, look)
         overlap = view_overlap(odometry, T_world_camera, part, cameras)
         candidates = by_proximity(overlap, config.loops, found.tried)
-        if not candidates:
-            break
         verifier.verify(candidates, found, T_world_camera)
+        across = by_proximity(_across_cuts(odometry, part, cameras), config.loops, found.tried)
+        verifier.verify(across, found, odometry.T_segment_camera)
+        if not (candidates or across):
+            break
     return found
+
+
+def _across_cuts(
+    odometry: Odometry, part: NDArray[np.int32], cameras: Sequence[Intrinsics]
+) -> NDArray[np.float32]:
+    """Overlap (K, K) of neighbours that odometry joined, and a contradiction of its own cut apart.
+
+    Late depth makes edges contradict each other, too, and then neighbours hold the map together.
+    """
+    overlap = view_overlap(odometry, odometry.T_segment_camera, odometry.segment, cameras)
+    number, of_keyframes = np.arange(len(overlap)), part[odometry.keyframe_rows]
+    is_near = np.abs(number[:, None] - number) <= NEIGHBOURS
+    is_cut = of_keyframes[:, None] != of_keyframes
+    return np.where(is_near & is_cut, overlap, np.float32(0))
 
 
 def _poses(
