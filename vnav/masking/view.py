@@ -73,14 +73,14 @@ class PosedView:
         """The number of each block's surface (h, w), 0 where there is no depth."""
         return surfaces(self.frame)
 
-    def about(self, blocks: int) -> "Surroundings":
+    def about(self, blocks: int) -> Surroundings:
         """What it sees about each block, up to so many to either side."""
         if blocks not in self._about:
             self._about[blocks] = Surroundings.of(self.frame.inverse_depth, blocks)
         return self._about[blocks]
 
     @cached_property
-    def _about(self) -> "dict[int, Surroundings]":
+    def _about(self) -> dict[int, Surroundings]:
         """What has been asked for, by how far it reaches."""
         return {}
 

@@ -6,7 +6,7 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from vnav.config import Config
+from vnav.config import Config, LoopsConfig
 from vnav.core.arrays import Array
 from vnav.core.camera import Intrinsics
 from vnav.core.frame import Edge
@@ -24,7 +24,7 @@ from vnav.io.store.artifacts import (
 from vnav.io.store.map_folder import MapFolder
 from vnav.io.store.stage_reports import clock, finished, reused, settings_of
 from vnav.io.store.tree_file import load_tree
-from vnav.loop_closing.loop_candidates import by_appearance, by_proximity
+from vnav.loop_closing.loop_candidates import LoopCandidate, by_appearance, by_proximity
 from vnav.loop_closing.loop_verification import NEIGHBOURS, Closures, LoopVerifier
 from vnav.optimisation.robust_graph import robust_pose_graph
 from vnav.optimisation.second_look import SecondLook
@@ -71,7 +71,7 @@ def close_loops(
         overlap = view_overlap(odometry, T_world_camera, part, cameras)
         candidates = by_proximity(overlap, config.loops, found.tried)
         verifier.verify(candidates, found, T_world_camera)
-        across = by_proximity(_across_cuts(odometry, part, cameras), config.loops, found.tried)
+        across = _across_cuts(odometry, part, cameras, config.loops, found.tried)
         verifier.verify(across, found, odometry.T_segment_camera)
         if not (candidates or across):
             break
@@ -79,17 +79,24 @@ def close_loops(
 
 
 def _across_cuts(
-    odometry: Odometry, part: NDArray[np.int32], cameras: Sequence[Intrinsics]
-) -> NDArray[np.float32]:
-    """Overlap (K, K) of neighbours that odometry joined, and a contradiction of its own cut apart.
+    odometry: Odometry,
+    part: NDArray[np.int32],
+    cameras: Sequence[Intrinsics],
+    config: LoopsConfig,
+    tried: set[tuple[int, int]],
+) -> list[LoopCandidate]:
+    """Neighbours that odometry joined, and a contradiction of its own cut apart.
 
     Late depth makes edges contradict each other, too, and then neighbours hold the map together.
     """
-    overlap = view_overlap(odometry, odometry.T_segment_camera, odometry.segment, cameras)
-    number, of_keyframes = np.arange(len(overlap)), part[odometry.keyframe_rows]
+    rows = odometry.keyframe_rows
+    number, segment, part = np.arange(len(rows)), odometry.segment[rows], part[rows]
     is_near = np.abs(number[:, None] - number) <= NEIGHBOURS
-    is_cut = of_keyframes[:, None] != of_keyframes
-    return np.where(is_near & is_cut, overlap, np.float32(0))
+    is_cut = is_near & (segment[:, None] == segment) & (part[:, None] != part)
+    if not is_cut.any():
+        return []
+    overlap = view_overlap(odometry, odometry.T_segment_camera, odometry.segment, cameras)
+    return by_proximity(np.where(is_cut, overlap, np.float32(0)), config, tried)
 
 
 def _poses(
