@@ -18,7 +18,7 @@ COARSE = 2  # a region that is opened has a block of every so many rows and colu
 STRIDE = 2 * COARSE  # between the blocks that tell how well two views fit
 MIN_FITTED = 30  # such blocks
 ENOUGH = 1.0  # views that fit, or more that fit worse, see through what is not there
-DELAY_S = 0.03  # of depth after colour, which may be unknown
+MAX_DELAY_S = 0.03  # of depth after colour, where nobody knows it
 SAME, FREE = range(2)
 
 
@@ -48,12 +48,12 @@ def count_votes(
     """Hold a view's surfaces against what others measured where they fall.
 
     A surface is seen through where a view has measured depth in a block and all about it, all
-    farther by more than the noise and the margin: a misalignment of one block changes nothing. Nor
-    do those that late depth makes where the cameras turn. The noise is the sensor's, or more where
-    surfaces that both see differ by more: then a pose is not exact. Where a view has no depth,
-    where something hides the surface, and beyond the image it has no vote. Views have one camera;
-    none give no votes. With a step, 1 or `COARSE`, only blocks of every so many rows and columns
-    are asked; they have the same votes.
+    farther by more than the noise and the margin: a misalignment of one block changes nothing.
+    Where cameras turn, late depth may misalign more blocks, and so many about it must be farther.
+    The noise is the sensor's, or more where surfaces that both see differ by more: then a pose is
+    not exact. Where a view has no depth, where something hides the surface, and beyond the image it
+    has no vote. Views have one camera; none give no votes. With a step, 1 or `COARSE`, only blocks
+    of every so many rows and columns are asked; they have the same votes.
     """
     votes = np.zeros((2, *view.frame.grey.shape), np.float32)
     sigma = np.sqrt(2) * sigma_per_m2
@@ -89,13 +89,13 @@ def _noise(
 
 
 def _late_blocks(view: PosedView, other: PosedView) -> int:
-    """How far a delay of depth that nobody knows puts what one view shows off what another does.
+    """How many blocks late depth may put a surface of one view off that of another.
 
-    Cameras that turn alike show a surface at one place, however late.
+    None where the cameras turn alike: both show it in one place, however late.
     """
     R_other_view = other.T_camera_track[:3, :3] @ view.T_track_camera[:3, :3]
     turn_rad_s = other.frame.twist[:3] - R_other_view @ view.frame.twist[:3]
-    return int(DELAY_S * np.linalg.norm(turn_rad_s) * view.frame.intrinsics.fx)
+    return int(MAX_DELAY_S * np.linalg.norm(turn_rad_s) * view.frame.intrinsics.fx)
 
 
 def places_in(
