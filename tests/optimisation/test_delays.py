@@ -182,3 +182,23 @@ def test_what_was_cut_before_delays_were_known_is_freed_of_them_too(
 
     measured, freed = given
     assert off_rad(freed) < 0.2 * off_rad(measured)
+
+
+def test_an_edge_that_is_freed_is_unsure_by_half_of_what_displaced_it(
+    recorded: tuple[list[FrameFeatures], list[np.ndarray]], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """In the length of a turn and of a shift, not along each axis: false loops gain by slack."""
+    given: list[Odometry] = []
+
+    def spying(odometry: Odometry, *others: Any) -> RobustGraph:
+        given.append(odometry)
+        return robust_pose_graph(odometry, *others)
+
+    monkeypatch.setattr(solution, "robust_pose_graph", spying)
+    solved(recorded, OptimiseConfig())
+    measured, freed = (odometry.edges for odometry in given)
+    for before, after in zip(measured, freed, strict=True):
+        undone = se3.deviation(se3.inverse(before.T_i_j) @ after.T_i_j).reshape(2, 3)
+        grown = np.linalg.inv(after.information) - np.linalg.inv(before.information)
+        added = np.sqrt(np.diag(grown).reshape(2, 3).sum(1))
+        assert added == pytest.approx(0.5 * np.linalg.norm(undone, axis=1), rel=0.01)

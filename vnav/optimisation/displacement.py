@@ -126,7 +126,7 @@ class _SeenKeyframe:
         if found is None:
             return edge
         undo = se3.inverse(found) @ T_i_j
-        unsure = UNSURE * np.linalg.norm(se3.deviation(undo).reshape(2, 3), axis=1)
+        unsure = UNSURE * np.sqrt((se3.deviation(undo).reshape(2, 3) ** 2).mean(1))  # along an axis
         return replace(edge, T_i_j=edge.T_i_j @ undo).with_added_noise(*unsure)
 
     def _of(self, row: int) -> Array:
