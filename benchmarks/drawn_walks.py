@@ -1,0 +1,182 @@
+"""Recordings whose scene, way, camera, sensor and company are all drawn at once, by seed.
+
+    python benchmarks/drawn_walks.py OUT [--first 0] [--walks 20] [--record]
+
+Other benchmarks vary one thing, and what falls between them no one sees. This one renders captures
+to OUT/captures and maps them by `vnav build-map` to OUT/maps, each once. It scores the trajectory
+and asks the map for photos. Exit code 1 where a wrong map is called good, a photo's place is wrong,
+or a map breaks into parts.
+"""
+
+import argparse
+import sys
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+from accuracy import NOT_LOCATED, built, errors, frames_of, photos_found, poses_in, vnav
+from among_people import MOST_M
+from people import rendered
+from recording import Measurement, add_record_option, conclude
+from verdicts import MAX_DIFFERENCE_S, WRONG
+
+from vnav.core import se3
+from vnav.core.association import associate
+from vnav.errors import CaptureError
+from vnav.io.formats.trajectories import read_tum
+from vnav.io.store.map_folder import MapFolder
+from vnav.synthetic import SCENES, CaptureSpec, Sensor
+from vnav.synthetic.path import frames_at
+from vnav.synthetic.rendered_capture import KINECT, PHONE, with_walkers
+from vnav.synthetic.staying import MOTIONS
+from vnav.synthetic.things import THINGS
+
+PLACES = (
+    *("one_room", "apartment", "room_before", "two_storeys", "building_2"),
+    *("twin_rooms", "shop", "library", "supermarket"),
+)
+WIDTHS = 320, 424, 640
+MOST_FRAMES = 600
+STAYING_FRAMES = 300
+PHOTOS = 8
+
+Rng = np.random.Generator
+
+
+def spec_of(seed: int) -> CaptureSpec:
+    """What is recorded by one seed; fewer people where so many cannot be in view."""
+    rng = np.random.default_rng([seed, 90])
+    spec = with_company(with_way(bare(rng, seed), rng), rng)
+    while spec.walkers:
+        try:
+            with_walkers(SCENES[spec.scene](seed), spec)
+        except CaptureError:
+            spec = replace(spec, walkers=spec.walkers - 1, walker_share=spec.walker_share / 2)
+        else:
+            break
+    return spec
+
+
+def bare(rng: Rng, seed: int) -> CaptureSpec:
+    """A place, a camera and its sensor; no frames yet."""
+    width = int(rng.choice(WIDTHS))
+    camera = KINECT.scaled(width, 3 * width // 4)
+    wider = rng.uniform(0.75, 1.15)
+    camera = replace(camera, fx=camera.fx * wider, fy=camera.fy * wider)
+    return CaptureSpec(
+        str(rng.choice(PLACES)), 0, PHOTOS, camera, PHONE, seed=seed, sensor=sensor_of(rng)
+    )
+
+
+def sensor_of(rng: Rng) -> Sensor:
+    """Noise, range, light and delays; half of the sensors expose all at once."""
+    delays = dict.fromkeys(("exposure_s", "line_delay_s", "depth_delay_s"), 0.0)
+    if rng.random() < 0.5:
+        drawn = rng.uniform([0.002, 0, -0.01], [0.012, 6e-5, 0.03]).tolist()
+        delays = dict(zip(delays, drawn, strict=True))
+    return Sensor(
+        max_depth_m=rng.uniform(3.5, 8),
+        depth_sigma_per_m2=0.0015 * 2 ** rng.uniform(-1, 1),
+        edge_loss=rng.uniform(0.3, 1),
+        color_sigma=rng.uniform(1, 5),
+        gain_drift=rng.choice([0.06, 0.25]),
+        jpeg_quality=int(rng.integers(60, 96)),
+        **delays,
+    )
+
+
+def with_way(spec: CaptureSpec, rng: Rng) -> CaptureSpec:
+    """Round the place by foot or on a robot, with or without pans; or about where a tour begins."""
+    rate_hz, speed_m_s = float(rng.choice([10, 15, 30])), rng.uniform(0.4, 1.0)
+    spec = replace(
+        spec,
+        rate_hz=rate_hz,
+        height_m=rng.uniform(0.4, 1.7),
+        pitch_deg=rng.uniform(-30, 0),
+        pan_deg=float(rng.choice([0, rng.uniform(10, 35)])),
+        pan_s=rng.uniform(1.5, 4),
+        uneven=float(rng.choice([0, rng.uniform(0.2, 0.5)])),
+    )
+    if rng.random() < 0.15:
+        frames = round(STAYING_FRAMES * rate_hz / 30)
+        return replace(spec, motion=str(rng.choice(list(MOTIONS))), frames=frames)
+    frames = frames_at(speed_m_s / rate_hz, SCENES[spec.scene](spec.seed).tour)
+    slower = min(MOST_FRAMES / frames, 1)
+    return replace(spec, frames=round(slower * frames), rate_hz=slower * rate_hz)
+
+
+def with_company(spec: CaptureSpec, rng: Rng) -> CaptureSpec:
+    """People in half of the recordings, a thing that moves in a seventh."""
+    if rng.random() < 0.5:
+        walkers = int(rng.integers(1, 5))
+        spec = replace(spec, walkers=walkers, walker_share=walkers * rng.uniform(0.04, 0.09))
+    return replace(spec, thing=str(rng.choice(list(THINGS))) if rng.random() < 0.15 else "")
+
+
+def told(spec: CaptureSpec) -> str:
+    """A recording in few words."""
+    delays = spec.sensor.depth_delay_s, spec.sensor.line_delay_s
+    parts = [
+        f"{spec.scene}, {spec.camera.width} px, {spec.rate_hz:.0f} Hz",
+        spec.motion,
+        f"pans {spec.pan_deg:.0f} deg" if spec.pan_deg and not spec.motion else "",
+        f"{spec.walkers} people {spec.walker_share:.0%}" if spec.walkers else "",
+        spec.thing,
+        f"depth {1e3 * delays[0]:.0f} ms late" if any(delays) else "",
+    ]
+    return ", ".join(filter(None, parts))
+
+
+def T_truth_world(capture: Path, file: Path) -> np.ndarray:
+    """Of a camera that stays (4, 4), whose positions tell no turn: by its pose amid all others."""
+    found, truth = read_tum(file), read_tum(capture / "groundtruth.txt")
+    estimated, true = associate(found.stamps_s, truth.stamps_s, MAX_DIFFERENCE_S).T
+    T = truth.T_world_camera[true] @ se3.inverse(found.T_world_camera[estimated])
+    off_rad = [np.median(se3.rotation_angle(se3.inverse(one) @ T)) for one in T]
+    return np.asarray(T[np.argmin(off_rad)])
+
+
+def measured(seed: int, out: Path) -> Iterator[Measurement]:
+    """One recording: its map against the truth, and what the map says of itself."""
+    spec = spec_of(seed)
+    on, what = f"{seed}: {told(spec)}", "vnav"
+    capture, map_of = rendered(out / "captures" / f"{seed}", spec), out / "maps" / f"{seed}"
+    built(capture, map_of)
+    file, frames = map_of / "optimise" / "trajectory_0.tum", frames_of(capture)
+    score = vnav("score", file, capture / "groundtruth.txt")
+    off_m, wrong_m = score["ate_m"]["rmse"], WRONG * score["path_truth_m"]
+    if spec.motion:
+        wrong_m = max(wrong_m, MOST_M)
+    folder = MapFolder(map_of)
+    is_doubtful = folder.report("quality")["values"]["verdict"] != "good"
+    yield Measurement(on, what, "frames", frames)
+    yield Measurement(on, what, "frames with a pose", poses_in(file))
+    yield Measurement(on, what, "ATE RMSE", off_m, "m")
+    yield Measurement(on, what, "called doubtful", int(is_doubtful))
+    in_silence = int(off_m > wrong_m and not is_doubtful)
+    yield Measurement(on, what, "wrong and called good", in_silence, "", "at most 0")
+    moving = folder.report("odometry")["values"]["moving"]["mean"]
+    yield Measurement(on, what, "masked", 100 * moving, "%")
+    answers = vnav("locate", capture / "photos", "--map", map_of, expected=(0, NOT_LOCATED))
+    aligned = T_truth_world(capture, file) if spec.motion else np.array(score["T_truth_world"])
+    off = errors(answers, capture / "photos", aligned)
+    yield from photos_found(on, len(answers), off)
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
+    parser.add_argument("out", type=Path, help="of captures and maps, which are made once")
+    parser.add_argument("--first", type=int, default=0, help="seed")
+    parser.add_argument("--walks", type=int, default=20)
+    add_record_option(parser)
+    asked = parser.parse_args(arguments)
+    for name in ("captures", "maps"):
+        (asked.out / name).mkdir(parents=True, exist_ok=True)
+    seeds = range(asked.first, asked.first + asked.walks)
+    found = [m for seed in seeds for m in measured(seed, asked.out)]
+    return conclude("drawn_walks", found, asked, arguments)
+
+
+if __name__ == "__main__":
+    sys.exit(main())
