@@ -396,6 +396,19 @@ def seen_of_last(seen: Observations, count: int) -> Observations:
     return seen[np.setdiff1d(np.arange(len(seen)), of_last[count:])]
 
 
+def test_a_first_camera_that_hardly_holds_to_the_others_makes_none_of_these_unsure() -> None:
+    rng = np.random.default_rng(30)
+    truth = scene(rng)
+    seen = measured(truth, rng)
+    of_first = np.flatnonzero(seen.camera == 0)
+    few = without_depth(seen, of_first)[np.setdiff1d(np.arange(len(seen)), of_first[4:])]
+    sigmas, before = (
+        np.sqrt(np.diagonal(covariances(truth, s, [], MODEL), axis1=1, axis2=2))
+        for s in (few, seen)
+    )
+    assert sigmas[1:].max() < 2 * before.max() < 0.4 * sigmas[0].max()
+
+
 @pytest.mark.parametrize("count", [1, 2])
 def test_a_camera_that_sees_too_little_is_as_unsure_as_can_be(
     count: int,

@@ -47,10 +47,11 @@ def adjust(
 def covariances(bundle: Bundle, problem: BundleProblem) -> Array:
     """Marginal covariance (K, 6, 6) of each camera's tangent, rotation first; NaN if unseen.
 
-    Relative to the first camera, which is fixed, or to the world of the prior; that of the prior
-    itself where it is fixed. Where observations leave a landmark undetermined, as a far one along
-    its ray, each is held by `UNKNOWN_SIGMA`. Where they leave a pose so, each pose is held as well,
-    and has that in the directions that nothing tells.
+    Relative to the camera that sees most: one that hardly holds to the others makes none of these
+    unsure. Or to the world of the prior; that of the prior itself where it is fixed. Where
+    observations leave a landmark undetermined, as a far one along its ray, each is held by
+    `UNKNOWN_SIGMA`. Where they leave a pose so, each pose is held as well, and has that in the
+    directions that nothing tells.
     """
     cameras = len(bundle.T_world_camera)
     if problem.prior and problem.prior.fixed:
@@ -58,7 +59,7 @@ def covariances(bundle: Bundle, problem: BundleProblem) -> Array:
     found = np.full((cameras, 6, 6), np.nan)
     if not len(problem.cameras):
         return found
-    normal, _ = _Search.of(problem, bundle).equations(bundle)
+    normal, _ = _Search.of(problem.firmly_anchored, bundle).equations(bundle)
     found[problem.cameras] = _determined(normal).cameras.covariance()
     return found
 

@@ -39,13 +39,21 @@ class PosePrior:
 class BundleProblem:
     """Observations, relative poses of cameras that see too little, and their noise.
 
-    ``prior`` is of all cameras; without one, the first camera is fixed.
+    ``prior`` is of all cameras; without one, a camera is fixed: ``anchor``, among those that see
+    anything.
     """
 
     seen: Observations
     edges: Sequence[Edge]
     model: SensorModel
     prior: PosePrior | None = None
+    anchor: int = 0
+
+    @property
+    def firmly_anchored(self) -> "BundleProblem":
+        """With the camera fixed that sees the most landmarks."""
+        seen = np.bincount(self.seen.camera, minlength=self.cameras[-1] + 1)[self.cameras]
+        return replace(self, anchor=int(seen.argmax()))
 
     def measured_less(self, less: Array) -> "BundleProblem":
         """With pixels and inverse depths (M, 3) of all observations less by so much."""
@@ -64,10 +72,12 @@ class BundleProblem:
         return _distinct(self.seen.landmark)
 
     def held(self, bundle: Bundle) -> tuple[NDArray[np.intp], PosePrior]:
-        """Cameras that a prior holds, and the prior: of all, or of the first where it is."""
+        """Cameras that a prior holds, and the prior: of all, or of the anchor where it is."""
         if self.prior:
             return self.cameras, self.prior
-        return self.cameras[:1], PosePrior(bundle.T_world_camera, np.zeros(6), fixed=True)
+        return self.cameras[[self.anchor]], PosePrior(
+            bundle.T_world_camera, np.zeros(6), fixed=True
+        )
 
 
 def _distinct(rows: NDArray[np.int32]) -> NDArray[np.intp]:

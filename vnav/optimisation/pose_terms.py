@@ -24,7 +24,7 @@ class PoseTerms:
 
     @staticmethod
     def of(problem: BundleProblem, initial: Bundle) -> "PoseTerms":
-        """The edges of a problem; its prior, or one that holds the first camera where it is."""
+        """The edges of a problem; its prior, or one that holds the anchor where it is."""
         held, prior = problem.held(initial)
         edges, of_prior = problem.edges, np.tile(np.diag(prior.information), (len(held), 1, 1))
         return PoseTerms(
