@@ -22,7 +22,7 @@ from shutil import copy
 from accuracy import poses_in
 from people import FRAMES, name_of, rendered, spec_of
 from recording import Measurement, add_record_option, conclude
-from verdicts import WRONG, scored_and_doubtful, share_off, with_poses
+from verdicts import WRONG, of_verdict, scored_and_doubtful, share_off, with_poses
 
 import vnav
 from vnav.config import Config
@@ -76,16 +76,14 @@ def measured(
     """
     config, frames, what = Config(), len(vnav.open_capture(capture)), "vnav"
     folder = with_poses(capture, root, config)
-    found, is_doubtful = scored_and_doubtful(capture, folder, config)
+    found, doubtful = scored_and_doubtful(capture, folder, config)
     posed = poses_in(folder.root / "optimise" / "trajectory_0.tum")
     off_m, wrong_m = found.ate.translation_m.rmse, most_m or WRONG * found.paths_m[0]
     yield Measurement(on, what, "frames with a pose", posed, "", f"at least {frames}")
     yield Measurement(on, what, "ATE RMSE", off_m, "m", most_m and f"at most {most_m:g}")
     if most_m is None:
         yield Measurement(on, what, "ATE of the way", 100 * share_off(found), "%")
-    yield Measurement(on, what, "called doubtful", int(is_doubtful))
-    in_silence = int(off_m > wrong_m and not is_doubtful)
-    yield Measurement(on, what, "wrong and called good", in_silence, "", "at most 0")
+    yield from of_verdict(on, what, off_m, wrong_m, doubtful)
 
 
 def of_stretches(asked: argparse.Namespace) -> Iterator[Measurement]:

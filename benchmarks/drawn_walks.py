@@ -19,7 +19,7 @@ from accuracy import NOT_LOCATED, built, errors, frames_of, photos_found, poses_
 from among_people import MOST_M
 from people import rendered
 from recording import Measurement, add_record_option, conclude
-from verdicts import MAX_DIFFERENCE_S, WRONG
+from verdicts import MAX_DIFFERENCE_S, WRONG, is_doubtful, of_verdict
 
 from vnav.core import se3
 from vnav.core.association import associate
@@ -78,14 +78,14 @@ def sensor_of(rng: Rng) -> Sensor:
     """Noise, range, light and delays; half of the sensors expose all at once."""
     delays = dict.fromkeys(("exposure_s", "line_delay_s", "depth_delay_s"), 0.0)
     if rng.random() < 0.5:
-        drawn = rng.uniform([0.002, 0, -0.01], [0.012, 6e-5, 0.03]).tolist()
-        delays = dict(zip(delays, drawn, strict=True))
+        seconds = rng.uniform([0.002, 0, -0.01], [0.012, 6e-5, 0.03]).tolist()
+        delays = dict(zip(delays, seconds, strict=True))
     return Sensor(
         max_depth_m=rng.uniform(3.5, 8),
         depth_sigma_per_m2=0.0015 * 2 ** rng.uniform(-1, 1),
         edge_loss=rng.uniform(0.3, 1),
         color_sigma=rng.uniform(1, 5),
-        gain_drift=rng.choice([0.06, 0.25]),
+        gain_drift=float(rng.choice([0.06, 0.25])),
         jpeg_quality=int(rng.integers(60, 96)),
         **delays,
     )
@@ -154,13 +154,10 @@ def measured(seed: int, out: Path) -> Iterator[Measurement]:
     if spec.motion:
         wrong_m = max(wrong_m, MOST_M)
     folder = MapFolder(map_of)
-    is_doubtful = folder.report("quality")["values"]["verdict"] != "good"
     yield Measurement(on, what, "frames", frames)
     yield Measurement(on, what, "frames with a pose", poses_in(file))
     yield Measurement(on, what, "ATE RMSE", off_m, "m")
-    yield Measurement(on, what, "called doubtful", int(is_doubtful))
-    in_silence = int(off_m > wrong_m and not is_doubtful)
-    yield Measurement(on, what, "wrong and called good", in_silence, "", "at most 0")
+    yield from of_verdict(on, what, off_m, wrong_m, is_doubtful(folder))
     moving = folder.report("odometry")["values"]["moving"]["mean"]
     yield Measurement(on, what, "masked", 100 * moving, "%")
     answers = vnav("locate", capture / "photos", "--map", map_of, expected=(0, NOT_LOCATED))

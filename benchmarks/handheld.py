@@ -22,6 +22,7 @@ from accuracy import built, frames_of, poses_in, vnav
 from people import held_against, peer, rendered
 from photo_cases import command
 from recording import Measurement, add_record_option, conclude
+from verdicts import is_doubtful
 
 from vnav.io.store.map_folder import MapFolder
 from vnav.synthetic import DEMO, HANDHELD, CaptureSpec
@@ -118,8 +119,8 @@ def faster(out: Path, seed: int) -> Iterator[Measurement]:
         on, file = f"handheld, {what}, seed {seed}", map_of / "optimise" / "trajectory_0.tum"
         found = ate(on, "vnav", capture, file)
         yield from held_against(alone, found)
-        verdict = MapFolder(map_of).report("quality")["values"]["verdict"]
-        yield Measurement(on, "vnav", "called doubtful", int(verdict != "good"))
+        doubtful = is_doubtful(MapFolder(map_of))
+        yield Measurement(on, "vnav", "called doubtful", int(doubtful))
         alone = found
 
 

@@ -137,10 +137,10 @@ def with_poses(capture: Path, root: Path, config: Config) -> MapFolder:
 
 def off_and_doubtful(case: Case, out: Path) -> tuple[float, bool]:
     """ATE of a map as a share of its path, and whether it is called doubtful."""
-    found, is_doubtful = scored_and_doubtful(*mapped(case, out), config_of(case))
+    found, doubtful = scored_and_doubtful(*mapped(case, out), config_of(case))
     off = share_off(found)
-    print(f"{case.name}: ATE {off:.2%} of the path, {'doubtful' if is_doubtful else 'good'}")
-    return off, is_doubtful
+    print(f"{case.name}: ATE {off:.2%} of the path, {'doubtful' if doubtful else 'good'}")
+    return off, doubtful
 
 
 def scored_and_doubtful(capture: Path, folder: MapFolder, config: Config) -> tuple[Score, bool]:
@@ -148,7 +148,23 @@ def scored_and_doubtful(capture: Path, folder: MapFolder, config: Config) -> tup
     judged(folder, config)
     estimate = read_tum(folder.root / "optimise" / "trajectory_0.tum")
     scored = score(estimate, read_tum(capture / "groundtruth.txt"), MAX_DIFFERENCE_S)
-    return scored, folder.report("quality")["values"]["verdict"] == "doubtful"
+    return scored, is_doubtful(folder)
+
+
+def is_doubtful(folder: MapFolder) -> bool:
+    """Whether a map is called doubtful."""
+    return bool(folder.report("quality")["values"]["verdict"] == "doubtful")
+
+
+def of_verdict(
+    on: str, what: str, off_m: float, wrong_m: float, doubtful: bool
+) -> list[Measurement]:
+    """What a map says of itself, where it is off by so much, and wrong above a limit."""
+    in_silence = int(off_m > wrong_m and not doubtful)
+    return [
+        Measurement(on, what, "called doubtful", int(doubtful)),
+        Measurement(on, what, "wrong and called good", in_silence, "", "at most 0"),
+    ]
 
 
 def share_off(found: Score) -> float:

@@ -340,7 +340,8 @@ class OptimisedMap:
 
     ``T_world_camera`` (N, 4, 4): every frame of the frame table, NaN where it is not part of the
     main map; ``keyframe_covariance`` (K, 6, 6): marginal of each keyframe's tangent, rotation
-    first; ``landmarks`` with keyframe numbers as in `Odometry`; ``depth_delay_s`` (N,): how long
+    first, relative to the keyframe that sees most, or to the world where poses are given;
+    ``landmarks`` with keyframe numbers as in `Odometry`; ``depth_delay_s`` (N,): how long
     after colour, whose pose a frame's is, its depth was measured.
     """
 

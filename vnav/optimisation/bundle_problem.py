@@ -39,8 +39,7 @@ class PosePrior:
 class BundleProblem:
     """Observations, relative poses of cameras that see too little, and their noise.
 
-    ``prior`` is of all cameras; without one, a camera is fixed: ``anchor``, among those that see
-    anything.
+    ``prior`` is of all cameras; without one, the ``anchor`` is fixed, a number among `cameras`.
     """
 
     seen: Observations
@@ -52,7 +51,8 @@ class BundleProblem:
     @property
     def firmly_anchored(self) -> "BundleProblem":
         """With the camera fixed that sees the most landmarks."""
-        seen = np.bincount(self.seen.camera, minlength=self.cameras[-1] + 1)[self.cameras]
+        cameras = self.cameras
+        seen = np.bincount(self.seen.camera, minlength=cameras[-1] + 1)[cameras]
         return replace(self, anchor=int(seen.argmax()))
 
     def measured_less(self, less: Array) -> "BundleProblem":
@@ -75,9 +75,8 @@ class BundleProblem:
         """Cameras that a prior holds, and the prior: of all, or of the anchor where it is."""
         if self.prior:
             return self.cameras, self.prior
-        return self.cameras[[self.anchor]], PosePrior(
-            bundle.T_world_camera, np.zeros(6), fixed=True
-        )
+        stays = PosePrior(bundle.T_world_camera, np.zeros(6), fixed=True)
+        return self.cameras[[self.anchor]], stays
 
 
 def _distinct(rows: NDArray[np.int32]) -> NDArray[np.intp]:

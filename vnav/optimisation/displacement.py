@@ -23,7 +23,7 @@ from vnav.optimisation.sensor_errors import MovingCamera, MovingSensor, MovingVi
 from vnav.registration.refinement import gauss_newton
 
 MOST_PATCHES = 200  # of a keyframe
-UNSURE = 0.5  # share of a displacement that edges keep: frames match other points than a keyframe's
+UNSURE = 0.5  # of a displacement's length, which edges keep: frames match other points
 ROUNDS = 2  # to find the row, and so the time, at which a point is seen
 
 
