@@ -313,6 +313,13 @@ def test_the_tours_of_larger_scenes_are_free(name: str) -> None:
     assert (grid.cells[tuple(cells.T)] == FREE).all()
 
 
+@pytest.mark.parametrize("field", ["scene", "motion", "thing"])
+def test_a_specification_of_what_there_is_not_says_what_there_is(field: str) -> None:
+    there_is = {"scene": "apartment", "motion": "static", "thing": "crate"}[field]
+    with pytest.raises(CaptureError, match=f"the {field} .* one of .*{there_is}.* found 'atrium'"):
+        replace(DEMO, **{field: "atrium"})  # type: ignore[arg-type]
+
+
 def test_a_building_has_as_many_rooms_as_asked() -> None:
     """Ten times the rooms have ten times the faces, but for the ends of the corridor."""
     few, many = (len(building(rooms)(0).faces) for rooms in (1, 10))

@@ -3,7 +3,7 @@
 import hashlib
 import os
 import tempfile
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from importlib import resources
@@ -27,9 +27,9 @@ from vnav.synthetic.scene import Scene
 from vnav.synthetic.scenes import SCENES
 from vnav.synthetic.sensor import Sensor, gains, measured_color, measured_depth
 from vnav.synthetic.shutter import exposed_color
-from vnav.synthetic.staying import stay
+from vnav.synthetic.staying import MOTIONS, stay
 from vnav.synthetic.strolls import STEP_S
-from vnav.synthetic.things import thing_before
+from vnav.synthetic.things import THINGS, thing_before
 
 UNITS_PER_METRE = 5000
 FIRST_STAMP_S = 1000.0
@@ -41,12 +41,22 @@ PHOTO_CLEARANCE_M = 0.4
 NEAREST_VIEW_M = 1.5  # median depth of a photo is no less
 
 
+def _expect_known(what: str, name: str, known: Iterable[str]) -> None:
+    """CaptureError where a specification names what there is not."""
+    if name not in known:
+        raise CaptureError(
+            f"expected the {what} of a specification to be one of"
+            f" {', '.join(filter(None, known))}, found {name!r}"
+        )
+
+
 @dataclass(frozen=True)
 class CaptureSpec:
     """What to record: a scene's name, how many frames and photos, by which cameras.
 
     ``walkers`` people walk about and cover ``walker_share`` of the pixels, the mean over frames.
-    Everything else is as without them: poses, noise, photos.
+    Everything else is as without them: poses, noise, photos. CaptureError where a scene, motion or
+    thing has no such name.
     """
 
     scene: str
@@ -67,6 +77,11 @@ class CaptureSpec:
     seed: int = 0
     sensor: Sensor = Sensor()
     name: str = "capture"  # of its folder in the cache
+
+    def __post_init__(self) -> None:
+        _expect_known("scene", self.scene, SCENES)
+        _expect_known("motion", self.motion, ("", *MOTIONS))
+        _expect_known("thing", self.thing, ("", *THINGS))
 
 
 KINECT = Intrinsics(640, 480, 525.0, 525.0, 319.5, 239.5)
