@@ -41,22 +41,12 @@ PHOTO_CLEARANCE_M = 0.4
 NEAREST_VIEW_M = 1.5  # median depth of a photo is no less
 
 
-def _expect_known(what: str, name: str, known: Iterable[str]) -> None:
-    """CaptureError where a specification names what there is not."""
-    if name not in known:
-        raise CaptureError(
-            f"expected the {what} of a specification to be one of"
-            f" {', '.join(filter(None, known))}, found {name!r}"
-        )
-
-
 @dataclass(frozen=True)
 class CaptureSpec:
     """What to record: a scene's name, how many frames and photos, by which cameras.
 
     ``walkers`` people walk about and cover ``walker_share`` of the pixels, the mean over frames.
-    Everything else is as without them: poses, noise, photos. CaptureError where a scene, motion or
-    thing has no such name.
+    Everything else is as without them: poses, noise, photos.
     """
 
     scene: str
@@ -77,11 +67,6 @@ class CaptureSpec:
     seed: int = 0
     sensor: Sensor = Sensor()
     name: str = "capture"  # of its folder in the cache
-
-    def __post_init__(self) -> None:
-        _expect_known("scene", self.scene, SCENES)
-        _expect_known("motion", self.motion, ("", *MOTIONS))
-        _expect_known("thing", self.thing, ("", *THINGS))
 
 
 KINECT = Intrinsics(640, 480, 525.0, 525.0, 319.5, 239.5)
@@ -146,7 +131,11 @@ def write_capture(folder: Path, spec: CaptureSpec, progress: Progress = silent) 
     The layout is that of the TUM RGB-D benchmark; poses are of the colour camera in a world with
     z up and the floor at z = 0; photos/ holds its own camera.toml and groundtruth.txt, truth/ a
     grid of what really stands in a robot's way, and masks of the walkers if there are any.
+    CaptureError where the specification's scene, motion or thing is none that there is.
     """
+    _expect_known("scene", spec.scene, SCENES)
+    _expect_known("motion", spec.motion, ("", *MOTIONS))
+    _expect_known("thing", spec.thing, ("", *THINGS))
     scene = SCENES[spec.scene](spec.seed)
     people = with_walkers(scene, spec)
     _write_frames(folder, people or scene, spec, progress)
@@ -172,6 +161,15 @@ def with_walkers(scene: Scene, spec: CaptureSpec) -> Peopled | None:
     if spec.thing:
         found.append(thing_before(spec.thing, np.array(scene.tour[0]), spec.seed))
     return Peopled(scene, tuple(found)) if found else None
+
+
+def _expect_known(what: str, name: str, known: Iterable[str]) -> None:
+    """CaptureError where a specification names what there is not."""
+    if name not in known:
+        raise CaptureError(
+            f"expected the {what} of a specification to be one of"
+            f" {', '.join(filter(None, known))}, found {name!r}"
+        )
 
 
 def camera_poses(scene: Scene | Peopled, spec: CaptureSpec) -> NDArray[np.float64]:
