@@ -408,9 +408,7 @@ class VocabularyConfig(Section, path="vocabulary"):
         "descriptors",
         "largest number that the tree is trained on",
     )
-    min_leaf: int = whole(
-        50, "[2, 1000000]", "descriptors", "a node with fewer of the map's is not split"
-    )
+    min_leaf: int = whole(50, "[2, 1000000]", "descriptors", "a node with fewer is not split")
     method: str = choice(
         "hierarchical",
         lambda: ("hierarchical", "approximate"),

@@ -1,6 +1,5 @@
 """The vocabulary tree of a map's descriptors, by one method or another (claim 4, 2.1)."""
 
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -20,20 +19,13 @@ def train(
 ) -> VocabularyTree:
     """The tree of descriptors (N, D); N = 0 gives a root alone, where all share one word.
 
-    More than ``config.max_descriptors`` are subsampled: then each stands for several, and a leaf
-    holds as many fewer. The same input and seed give the same tree whatever the number of threads.
+    More than ``config.max_descriptors`` are subsampled. The same input and seed give the same
+    tree whatever the number of threads.
     """
     rng = np.random.default_rng(seed)
-    trained_on = _subsampled(descriptors, config.max_descriptors, rng)
-    if len(trained_on) < len(descriptors):
-        config = replace(config, min_leaf=_min_leaf(len(trained_on) / len(descriptors), config))
+    descriptors = _subsampled(descriptors, config.max_descriptors, rng)
     grown = grow_flat if config.method == "approximate" else grow
-    return grown(trained_on, space, config, rng)
-
-
-def _min_leaf(share: float, config: VocabularyConfig) -> int:
-    """Of a share of the descriptors: one for each branch, unless the settings ask for less."""
-    return max(round(share * config.min_leaf), min(config.min_leaf, config.branching))
+    return grown(descriptors, space, config, rng)
 
 
 def _subsampled(descriptors: NDArray[Any], count: int, rng: np.random.Generator) -> NDArray[Any]:
