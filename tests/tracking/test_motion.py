@@ -144,17 +144,3 @@ def test_the_next_frame_is_expected_where_the_motion_leads_or_where_the_camera_i
 def test_the_twist_is_that_of_the_last_step_and_none_before_there_is_one() -> None:
     assert not ConstantVelocity().twist.any()
     np.testing.assert_allclose(after_two_frames().twist, [0, 1, 0, *(STEP[:3, 3] / 0.1)], atol=1e-9)
-
-
-def test_the_twist_of_a_camera_that_turns_ever_faster_is_that_of_each_frame() -> None:
-    """Not that of the step before, half a frame earlier, or one and a half for the next."""
-    motion, times_s, acceleration = ConstantVelocity(), np.arange(4) / 15, 8.0
-    turned = [se3.exp([0, acceleration * t**2 / 2, 0, 0, 0, 0]) for t in times_s]
-    motion.predict(times_s[0])
-    motion.update(0, {})
-    for row in (1, 2):
-        motion.predict(times_s[row])
-        motion.update(row, {row - 1: se3.inverse(turned[row - 1]) @ turned[row]})
-    assert motion.twist[1] == pytest.approx(acceleration * times_s[2])
-    motion.predict(times_s[3])
-    assert motion.twist[1] == pytest.approx(acceleration * times_s[3])

@@ -13,7 +13,6 @@ from vnav.core.arrays import Array
 
 ACCELERATIONS = 3.0, 2.0  # rad/s2, m/s2: usual ones of a camera that is carried
 STEP_SIGMAS = 0.002, 0.003  # rad, m: of a step that was measured
-MAX_ONWARD = 2.0  # steps that the twist is thought to change on as it did
 MAX_STEPS = 3.5  # time steps that the velocity is trusted for; after a longer gap it is not
 
 
@@ -26,7 +25,6 @@ class ConstantVelocity:
         self._last_s = self._next_s = 0.0
         self._step, self._step_s = np.eye(4), 0.0
         self._probability = 1.0  # of the step
-        self._twists: list[tuple[float, Array]] = []  # of the last two steps, at their middles
         self._T_last_next = np.eye(4)
         self._T_suggested: Array | None = None
 
@@ -58,16 +56,12 @@ class ConstantVelocity:
         known = [(i, T) for i, T in T_target_camera.items() if i in self._T_start_camera]
         if not known:
             self._T_start_camera.clear()
-            self._twists.clear()
             pose = np.eye(4)
         else:
             pose = self._T_start_camera[known[0][0]] @ known[0][1]
         previous = self._T_start_camera.get(self._last)
         self._step = np.eye(4) if previous is None else se3.inverse(previous) @ pose
         self._step_s = 0.0 if previous is None else self._next_s - self._last_s
-        if self._step_s > 0:
-            twist = se3.deviation(self._step) / self._step_s
-            self._twists = [*self._twists[-1:], (self._next_s - self._step_s / 2, twist)]
         self._probability = probability
         self._T_start_camera[row] = pose
         self._last, self._last_s = row, self._next_s
@@ -105,17 +99,10 @@ class ConstantVelocity:
 
     @property
     def twist(self) -> Array:
-        """At the frame predicted last (6,), rotation first, in rad/s and m/s; 0 before any step.
-
-        A step tells the twist at its middle; the last two tell how it changes.
-        """
-        if not self._twists:
+        """Of the last step (6,), rotation first, in rad/s and m/s; 0 before there is one."""
+        if self._step_s <= 0:
             return np.zeros(6)
-        (before_s, before), (last_s, last) = self._twists[0], self._twists[-1]
-        if last_s <= before_s:
-            return last
-        onward = min((self._next_s - last_s) / (last_s - before_s), MAX_ONWARD)
-        return last + onward * (last - before)
+        return np.asarray(se3.deviation(self._step) / self._step_s)
 
     def predicted(self, target: int) -> Array | None:
         """``T_target_camera`` of the next frame; None where the target is of another track."""
