@@ -18,6 +18,7 @@ import numpy as np
 from accuracy import built
 from people import of_trajectory, peer, rendered
 from recording import Measurement, add_record_option, conclude
+from verdicts import is_doubtful, of_verdict
 
 from vnav.io.store.map_folder import MapFolder
 from vnav.synthetic import DEMO, HANDHELD, CaptureSpec, Sensor
@@ -50,11 +51,6 @@ def held_to(found: Sequence[Measurement]) -> list[Measurement]:
     return [replace(m, wanted=limit) if m.quantity == "ATE RMSE" else m for m in found]
 
 
-def is_silent(verdict: str, ate_m: float) -> bool:
-    """Whether a map is wrong and called good."""
-    return verdict == "good" and ate_m > MOST_M
-
-
 def walked(
     out: Path, name: str, seed: int, range_m: float, peers: Sequence[tuple[str, Path]]
 ) -> Iterator[Measurement]:
@@ -68,10 +64,8 @@ def walked(
     file = map_of / "optimise" / "trajectory_0.tum"
     found = held_to(of_trajectory(on, "vnav", capture, file)[0])
     yield from found
-    verdict = MapFolder(map_of).report("quality")["values"]["verdict"]
-    silent = is_silent(verdict, found[-1].value)
-    yield Measurement(on, "vnav", "called doubtful", int(verdict != "good"))
-    yield Measurement(on, "vnav", "wrong and called good", int(silent), "", "at most 0")
+    doubtful = is_doubtful(MapFolder(map_of))
+    yield from of_verdict(on, "vnav", found[-1].value, MOST_M, doubtful)
     for peer_name, trajectories in peers:
         if (trajectories / f"{folder}.tum").is_file():
             yield from of_trajectory(on, peer_name, capture, trajectories / f"{folder}.tum")[0]

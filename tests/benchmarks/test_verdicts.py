@@ -57,3 +57,12 @@ def test_people_are_not_masked(verdicts: ModuleType) -> None:
     for case in with_people:
         assert verdicts.spec_of(case).walkers > 0
         assert verdicts.config_of(case).masking.method == "none"
+
+
+@pytest.mark.parametrize(("doubtful", "ate_m"), [(False, 0.002), (True, 3.0)])
+def test_a_map_that_is_right_or_called_doubtful_is_not_silent(
+    verdicts: ModuleType, missed: Callable[..., Any], doubtful: bool, ate_m: float
+) -> None:
+    assert not missed(verdicts.of_verdict("a", "vnav", ate_m, 0.01, doubtful))
+    silent = missed(verdicts.of_verdict("a", "vnav", 3.0, 0.01, False))
+    assert [m.quantity for m in silent] == ["wrong and called good"]

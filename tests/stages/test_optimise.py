@@ -48,9 +48,9 @@ def truth(tiny_capture: Path) -> np.ndarray:
     return read_tum(tiny_capture / "groundtruth.txt").T_world_camera
 
 
-def aligned(T: np.ndarray, truth: np.ndarray) -> np.ndarray:
-    """Poses moved so that the first is the true one."""
-    return truth[0] @ se3.inverse(T[0]) @ T
+def aligned(T: np.ndarray, truth: np.ndarray, row: int = 0) -> np.ndarray:
+    """Poses moved so that the first, or that of a row, is the true one."""
+    return truth[row] @ se3.inverse(T[row]) @ T
 
 
 def cut(odometry: Odometry, row: int) -> Odometry:
@@ -73,9 +73,8 @@ def test_keyframes_err_as_their_covariances_say(
     # and errors of neighbours hang together: a few independent ones, so up to 2 by chance.
     rows = [k.row for k in odometry.keyframes]
     anchor = np.trace(result.keyframe_covariance, axis1=1, axis2=2).argmin()
-    T_anchor_world = se3.inverse(result.T_world_camera[rows[anchor]])
-    error = se3.inverse(truth[rows]) @ truth[rows[anchor]] @ T_anchor_world
-    error = np.delete(error @ result.T_world_camera[rows], anchor, 0)
+    T = aligned(result.T_world_camera, truth, rows[anchor])
+    error = np.delete(se3.inverse(truth[rows]) @ T[rows], anchor, 0)
     xi = np.concatenate([se3.log_so3(error[:, :3, :3]), error[:, :3, 3]], 1)
     covariance = np.delete(result.keyframe_covariance, anchor, 0)
     normalised = np.einsum("ki,kij,kj->k", xi, np.linalg.inv(covariance), xi) / 6

@@ -147,6 +147,15 @@ def write_capture(folder: Path, spec: CaptureSpec, progress: Progress = silent) 
         write_masks(folder / "truth", people, spec.camera, camera_poses(scene, spec), times_s)
 
 
+def _expect_known(what: str, name: str, known: Iterable[str]) -> None:
+    """CaptureError where a specification names what there is not."""
+    if name not in known:
+        raise CaptureError(
+            f"expected the {what} of a specification to be one of"
+            f" {', '.join(filter(None, known))}, found {name!r}"
+        )
+
+
 def with_walkers(scene: Scene, spec: CaptureSpec) -> Peopled | None:
     """The scene with who and what moves in the capture, if anything does; time 0 is frame 0.
 
@@ -161,15 +170,6 @@ def with_walkers(scene: Scene, spec: CaptureSpec) -> Peopled | None:
     if spec.thing:
         found.append(thing_before(spec.thing, np.array(scene.tour[0]), spec.seed))
     return Peopled(scene, tuple(found)) if found else None
-
-
-def _expect_known(what: str, name: str, known: Iterable[str]) -> None:
-    """CaptureError where a specification names what there is not."""
-    if name not in known:
-        raise CaptureError(
-            f"expected the {what} of a specification to be one of"
-            f" {', '.join(filter(None, known))}, found {name!r}"
-        )
 
 
 def camera_poses(scene: Scene | Peopled, spec: CaptureSpec) -> NDArray[np.float64]:
