@@ -44,10 +44,10 @@ def vnav(*arguments: object, expected: Sequence[int] = (0,)) -> Any:
     return json.loads(done.stdout)
 
 
-def built(capture: Path, folder: Path) -> None:
+def built(capture: Path, folder: Path, *options: str) -> None:
     """The map of a capture, made where it is not there; how long that took is printed."""
     started = time.perf_counter()
-    build = command("build-map", capture, "--map", folder)
+    build = command("build-map", capture, "--map", folder, *options)
     subprocess.run(build, check=True, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
     print(f"{capture.name}: build-map {time.perf_counter() - started:.0f} s")
 

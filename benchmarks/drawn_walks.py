@@ -1,11 +1,11 @@
 """Recordings whose scene, way, camera, sensor and company are all drawn at once, by seed.
 
-    python benchmarks/drawn_walks.py OUT [--first 0] [--walks 20] [--record]
+    python benchmarks/drawn_walks.py OUT [--first 0] [--walks 20] [--config fast] [--record]
 
 Other benchmarks vary one thing, and what falls between them no one sees. This one renders captures
-to OUT/captures and maps them by `vnav build-map` to OUT/maps, each once. It scores the trajectory
-and asks the map for photos. Exit code 1 where a wrong map is called good, or a photo's place is
-wrong.
+to OUT/captures and maps them by `vnav build-map` to OUT/maps, or to one named as the preset is,
+each once. It scores the trajectory and asks the map for photos. Exit code 1 where a wrong map is
+called good, or a photo's place is wrong.
 """
 
 import argparse
@@ -142,12 +142,13 @@ def T_truth_world(capture: Path, file: Path) -> np.ndarray:
     return np.asarray(T[np.argmin(off_rad)])
 
 
-def measured(seed: int, out: Path) -> Iterator[Measurement]:
+def measured(seed: int, out: Path, config: str) -> Iterator[Measurement]:
     """One recording: its map against the truth, and what the map says of itself."""
     spec = spec_of(seed)
-    on, what = f"{seed}: {told(spec)}", "vnav"
-    capture, map_of = rendered(out / "captures" / f"{seed}", spec), out / "maps" / f"{seed}"
-    built(capture, map_of)
+    on, what = f"{seed}: {told(spec)}", f"vnav {config}".strip()
+    capture = rendered(out / "captures" / f"{seed}", spec)
+    map_of = out / (config or "maps") / f"{seed}"
+    built(capture, map_of, *(("--config", config) if config else ()))
     file, frames = map_of / "optimise" / "trajectory_0.tum", frames_of(capture)
     score = vnav("score", file, capture / "groundtruth.txt")
     off_m, wrong_m = score["ate_m"]["rmse"], WRONG * score["path_truth_m"]
@@ -171,13 +172,14 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("out", type=Path, help="of captures and maps, which are made once")
     parser.add_argument("--first", type=int, default=0, help="seed")
     parser.add_argument("--walks", type=int, default=20)
+    parser.add_argument("--config", default="", help="a preset; the default without")
     add_record_option(parser)
     asked = parser.parse_args(arguments)
-    for name in ("captures", "maps"):
+    for name in ("captures", asked.config or "maps"):
         (asked.out / name).mkdir(parents=True, exist_ok=True)
     seeds = range(asked.first, asked.first + asked.walks)
-    found = [m for seed in seeds for m in measured(seed, asked.out)]
-    return conclude("drawn_walks", found, asked, arguments)
+    found = [m for seed in seeds for m in measured(seed, asked.out, asked.config)]
+    return conclude("_".join(filter(None, ("drawn_walks", asked.config))), found, asked, arguments)
 
 
 if __name__ == "__main__":
