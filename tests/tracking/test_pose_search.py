@@ -14,6 +14,7 @@ from vnav.core.mapping import FrameFeatures
 from vnav.features import front_end
 from vnav.features.lifting import lift
 from vnav.registration.judge import PixelEvidence
+from vnav.registration.points3d import PointRegistration
 from vnav.registration.reduction import reduced
 from vnav.tracking.pose_choice import (
     ChosenMotions,
@@ -28,6 +29,11 @@ from vnav.tracking.pose_search import PoseSearch
 CONFIG = Config(features=FeaturesConfig(max_features=500))
 PERIOD_M = 0.12
 SHELVES = Plane(1.5, periodic(speckle(1, grain_m=0.02), PERIOD_M))
+SHELVES_WITH_BOXES = [
+    SHELVES,
+    Plane(1.2, plain(90), (0.2, -0.5), (0.7, 0.3)),
+    Plane(1.3, plain(200), (-0.2, 0.1), (0.15, 0.6)),
+]
 WALL = Plane(3.0, speckle(2))
 PERSON = Plane(1.8, speckle(3, grain_m=0.02), (-0.4, -0.8), (0.4, 0.9))  # 37 % of the view
 BARE_ROOM = [
@@ -114,6 +120,34 @@ def test_what_pixels_tell_clearly_no_prior_overrules() -> None:
     choice = found([[WALL]] * 3, [LAST_M, NOW_M], lambda T: -4 * abs(T[0, 3] - LAST_M) / 0.06)
     assert max(off_m(choice)) < 0.01
     assert choice.probability > 0.95
+
+
+def test_where_matches_lead_to_other_periods_alone_pixels_tell_the_pose_beside_the_expected_one(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """A pan that ends leaves the expected pose 10 px off, which are half a period of 21 px."""
+
+    def elsewhere(
+        pair: PointRegistration, a: FrameFeatures, b: FrameFeatures, *_: object
+    ) -> list[PoseEstimate]:
+        near = [pair.register_near(a, b, at(moved_m - k * PERIOD_M)) for k in (1, 2)]
+        return [found for found in near if isinstance(found, PoseEstimate)]
+
+    moved_m, expected_m = 4 * PERIOD_M, 4 * PERIOD_M + 0.055
+    monkeypatch.setattr(PointRegistration, "hypotheses", elsewhere)
+    monkeypatch.setattr(PointRegistration, "among_twins", lambda *_: [])
+    before, now = (
+        tracked(view(SHELVES_WITH_BOXES, x, seed=k, index=k)) for k, x in enumerate((0.0, moved_m))
+    )
+    choice = PoseSearch(CONFIG).search(
+        [Target(before, at(0))],
+        now,
+        [at(expected_m)],
+        lambda T: -float(np.log1p(((T[0, 3] - expected_m) / 0.03) ** 2)),
+    )
+    (estimate,) = choice.estimates.values()
+    np.testing.assert_allclose(estimate.T_a_b, at(moved_m), atol=0.005)
+    assert estimate.probability > 0.95
 
 
 def test_poses_that_unknown_delays_set_apart_share_their_probability() -> None:

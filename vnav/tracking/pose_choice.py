@@ -173,6 +173,12 @@ class PoseChoice:
         """The poses that no motion from a target leads to."""
         return [p.T_track_current for p in self._poses if target.row not in p.motions]
 
+    def leads_to(self, T_track_current: Array) -> bool:
+        """Whether any motion leads to a pose."""
+        return any(
+            p.motions and self._are_one(p.T_track_current, T_track_current) for p in self._poses
+        )
+
     def drop(self, T_track_current: Array) -> None:
         """Take a pose back, unless a motion leads there."""
         self._poses = [
@@ -201,12 +207,16 @@ class PoseChoice:
         return bool(self._refuting[self._probabilities.argmax()] >= MUCH)
 
     @property
+    def is_sure(self) -> bool:
+        """Whether one pose is the best by far."""
+        return bool(self._probabilities.max() >= CLEAR)
+
+    @property
     def is_clear(self) -> bool:
         """Whether one pose is the best by far, and all targets that move anywhere move there."""
         best = int(self._probabilities.argmax())
         rows = {row for pose in self._poses for row in pose.motions}
-        is_likely = self._probabilities[best] >= CLEAR
-        return bool(is_likely and rows == set(self._poses[best].motions))
+        return self.is_sure and rows == set(self._poses[best].motions)
 
     def result(self) -> ChosenMotions:
         """The motions to the best pose that any lead to, and to the next of them."""

@@ -46,8 +46,9 @@ class PoseSearch:
 
         Poses that matches agree on, from one target after the other, are held against those that
         are ``expected`` without matches, ``T_track_current``, the most likely first. Unless one is
-        clearly the best, more are sought: near all so far, and among twins. Where much refutes even
-        the best, that is asked for another. ``log_prior``: what is known of the pose beforehand.
+        clearly the best, more are sought: near all so far, and among twins; then where all pixels
+        fit best. Where much refutes even the best, that is asked for another. ``log_prior``: what
+        is known of the pose beforehand.
         """
         choice = PoseChoice(targets, current.image, self._config, log_prior)
         for target in targets:
@@ -55,13 +56,8 @@ class PoseSearch:
             if choice.poses:
                 choice.suggest(expected)
                 choice.judge()
-        if choice.poses and not choice.is_clear:
-            for target in targets:
-                self._seek(choice, target, current)
-            choice.judge()
-        if choice.poses and choice.is_refuted:
-            for target in targets:
-                self._seek_refuting(choice, target, current)
+        if choice.poses:
+            self._seek_others(choice, targets, current, expected)
         return choice.result()
 
     def near(
@@ -124,6 +120,25 @@ class PoseSearch:
         found = pair.hypotheses(a, b, self._rng(target, current), predicted)
         return [] if isinstance(found, Rejected) else found
 
+    def _seek_others(
+        self,
+        choice: PoseChoice,
+        targets: Sequence[Target],
+        current: TrackedFrame,
+        expected: Sequence[Array],
+    ) -> None:
+        """Suggest more poses, in one way after the other, where those so far leave it open."""
+        if not choice.is_clear:
+            for target in targets:
+                self._seek(choice, target, current)
+            choice.judge()
+        if expected and not (choice.is_sure or current.is_followed):
+            self._seek_by_pixels(choice, targets[0], current, expected[0])
+            choice.judge()
+        if choice.is_refuted:
+            for target in targets:
+                self._seek_refuting(choice, target, current)
+
     def _seek(self, choice: PoseChoice, target: Target, current: TrackedFrame) -> None:
         """Suggest more poses: by matches of a target near those so far, and by those among twins.
 
@@ -137,6 +152,20 @@ class PoseSearch:
                 choice.add(target, near)
                 choice.drop(pose)
         choice.add(target, pair.among_twins(a, b, rng, predicted))
+
+    def _seek_by_pixels(
+        self, choice: PoseChoice, target: Target, current: TrackedFrame, expected: Array
+    ) -> None:
+        """Suggest the pose by matches near where all pixels fit best, from the expected one.
+
+        Where no motion leads there: what repeats may have matches in other places alone, and where
+        a pan ends, the expected pose is too far off for matches near it.
+        """
+        a, b, pair = self._pair(target, current)
+        images = target.frame.image, current.image
+        fitted = fitted_near(*images, self._config, target.motion(expected))
+        if not choice.leads_to(target.pose(fitted)):
+            choice.add(target, pair.hypotheses_near(a, b, fitted))
 
     def _aligned(self, target: Target, current: TrackedFrame, pose: Array) -> list[PoseEstimate]:
         """The motion near a pose by all pixels, which no feature bears out; none if few agree."""
