@@ -148,7 +148,7 @@ def measured(seed: int, out: Path, config: str) -> Iterator[Measurement]:
     on, what = f"{seed}: {told(spec)}", f"vnav {config}".strip()
     capture = rendered(out / "captures" / f"{seed}", spec)
     map_of = out / (config or "maps") / f"{seed}"
-    built(capture, map_of, *(("--config", config) if config else ()))
+    built(capture, map_of, *(["--config", config] if config else []))
     file, frames = map_of / "optimise" / "trajectory_0.tum", frames_of(capture)
     score = vnav("score", file, capture / "groundtruth.txt")
     off_m, wrong_m = score["ate_m"]["rmse"], WRONG * score["path_truth_m"]
