@@ -209,6 +209,33 @@ def tiled_world(step_m: float) -> World:
     return World(things, mapped(things, poses, rng), CAMERA, looking, seen)
 
 
+PERIOD_M = 0.8  # of the shelf in `shelf_world`
+
+
+@dataclass(frozen=True)
+class Shop(World):
+    """A shelf whose boards hold the same, each a period from the last, and a cart before it."""
+
+    shelf: Things
+    cart: Things
+    period_m: float
+
+
+@pytest.fixture(scope="session")
+def shelf_world() -> Shop:
+    """A shelf of 10 boards, 8 m long, a cart before it, and a wall beside it; seen from 3 m."""
+    rng = np.random.default_rng(9)
+    board, cart, wall = pictures(rng, 50), pictures(rng, 50), pictures(rng, 300)
+    for things in (board, cart):
+        things.points[:, 1] *= PERIOD_M / 4  # pictures are spread over 4 m
+    shelf = board.moved((0.0, -5 * PERIOD_M, 0.0))
+    for k in range(-4, 5):
+        shelf = shelf + board.moved((0.0, k * PERIOD_M, 0.0))
+    things = shelf + cart + wall.moved((0.0, 6.0, 0.0))
+    poses = [looking((0.0, 0.4 * k, 1.3), 0.0) for k in range(-6, 17)]
+    return Shop(things, mapped(things, poses, rng), CAMERA, looking, seen, shelf, cart, PERIOD_M)
+
+
 @pytest.fixture(scope="session")
 def other_room() -> Things:
     """A room that is on no map."""

@@ -205,6 +205,19 @@ def test_in_rooms_that_look_the_same_no_pose_is_wrong(furnished_twins):
     assert located > 0
 
 
+def test_before_a_shelf_that_repeats_itself_a_thing_that_was_moved_tells_no_place(shelf_world):
+    """A cart was pushed on by one board: it says one place, the shelf says any."""
+    moved = shelf_world.cart.moved((0.0, shelf_world.period_m, 0.0))
+    features, _ = shelf_world.seen(
+        shelf_world.looking((0.2, 0.1, 1.4), 2.0),
+        shelf_world.shelf + moved,
+        np.random.default_rng(11),
+    )
+    result, _ = asked(shelf_world, features)
+    assert isinstance(result, NotLocated)
+    assert result.reason == "ambiguous"
+
+
 def test_the_confidence_of_a_clear_answer_is_high(world, photo_features):
     result, _ = asked(world, photo_features[1])
     assert 0.97 < result.confidence <= 1
@@ -279,20 +292,20 @@ def test_an_empty_map_locates_nothing(world, photo_features):
 
 
 def test_rivals_go_through_the_rooms_before_the_verdict(world, photo_features, monkeypatch):
-    """Two rounds of search, hypotheses and verification, then one verdict."""
+    """Two rounds of search, hypotheses and verification, the displaced views, then one verdict."""
     called = []
 
     def noted(name, function):
         return lambda *arguments: (called.append(name), function(*arguments))[1]
 
-    for name in ("search", "search_repeated", "hypothesise", "verify", "decide"):
+    for name in ("search", "search_repeated", "hypothesise", "displaced", "verify", "decide"):
         monkeypatch.setattr(rooms, name, noted(name, getattr(rooms, name)))
     asked(world, photo_features[1])
     first, second = (
         ["search", "hypothesise", "verify"],
         ["search_repeated", "hypothesise", "verify"],
     )
-    assert called == [*first, *second, "decide"]
+    assert called == [*first, *second, "displaced", "verify", "decide"]
 
 
 def test_the_answer_is_the_same_every_time(world, photo_features):

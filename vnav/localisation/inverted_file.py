@@ -42,7 +42,7 @@ def nearest_distinct(
     elsewhere than the nearer ones; where there are no more, the distance is inf. Linear search, as
     in claim 4, 2.4.
     """
-    span = span.reshape(len(queries), -1, 2)
+    span = span[:, None] if span.ndim == 2 else span
     queries, descriptors = map(file.space.comparable, (queries, file.descriptors))
     rows, squared = _nearest_distinct(
         queries, span, descriptors, file.position, file.same_within, count

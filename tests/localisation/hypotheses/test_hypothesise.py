@@ -28,9 +28,9 @@ def rng() -> np.random.Generator:
 def test_the_true_pose_is_a_hypothesis(world, rng):
     query = query_of(world)
     found = hypothesise(search(query).candidates, [], query, rng)
-    best = max(found, key=lambda pose: pose.inliers)
+    off_m = [np.linalg.norm(view.centre_world - POSITION) for view in found]
     # Some 100 inliers of 0.5 px at 525 px and 3 m: a few millimetres, with the landmarks' own.
-    assert np.linalg.norm(best.view.centre_world - POSITION) < 0.02
+    assert min(off_m) < 0.02
 
 
 def test_each_of_two_rooms_that_look_the_same_has_a_pose_of_its_own(twin_world, rng):
@@ -39,7 +39,7 @@ def test_each_of_two_rooms_that_look_the_same_has_a_pose_of_its_own(twin_world, 
     repeated = search_repeated(features, MIN_MATCHES, query)
     found = hypothesise(repeated.candidates, [], query, rng)
     for x in (0.4, 20.4):
-        off_m = [np.linalg.norm(pose.view.centre_world - (x, *POSITION[1:])) for pose in found]
+        off_m = [np.linalg.norm(view.centre_world - (x, *POSITION[1:])) for view in found]
         assert min(off_m) < 0.05
 
 

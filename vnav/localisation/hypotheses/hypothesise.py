@@ -12,6 +12,7 @@ from vnav.localisation.hypotheses.ransac import (
 from vnav.localisation.matches import Matches
 from vnav.localisation.query import MIN_MATCHES, Query, SupportedPose, min_matches
 from vnav.localisation.search.candidates import Candidate
+from vnav.localisation.view import View
 
 ATTEMPTS = 6  # poses sought in one candidate: repeated things give several, chance some more
 
@@ -21,8 +22,8 @@ def hypothesise(
     known: Sequence[SupportedPose],
     query: Query,
     rng: np.random.Generator,
-) -> list[PoseHypothesis]:
-    """The poses of all candidates, beside those that are known.
+) -> list[View]:
+    """The views of all candidates, beside those that are known.
 
     Every candidate has its own poses, so that a rival is not lost in the crowd; one whose matches
     agree with poses that are found already tells of no other, and a pose with only a small part of
@@ -32,7 +33,7 @@ def hypothesise(
     for candidate in candidates:
         found += _poses_of(candidate, [*known, *found], query, rng)
     enough = min_matches([*known, *found])
-    return [hypothesis for hypothesis in found if hypothesis.inliers >= enough]
+    return [hypothesis.view for hypothesis in found if hypothesis.inliers >= enough]
 
 
 def pose_of(

@@ -11,7 +11,6 @@ from vnav.core.arrays import Array
 from vnav.core.camera import CameraPrior
 from vnav.localisation.hypotheses.hypothesise import pose_of
 from vnav.localisation.hypotheses.pose_refinement import RefinedPose, refine_pose
-from vnav.localisation.hypotheses.ransac import PoseHypothesis
 from vnav.localisation.matches import Matches
 from vnav.localisation.query import MIN_MATCHES, Query
 from vnav.localisation.verification.cropping import covariance_of_either, log_odds_of_cropped
@@ -66,11 +65,9 @@ class VerifiedPose:
         return len(self.matches)
 
 
-def verify(
-    hypotheses: Sequence[PoseHypothesis], query: Query, rng: np.random.Generator
-) -> list[VerifiedPose]:
-    """Each hypothesis after guided matching, without those that find too little."""
-    verified = [_verified(hypothesis.view, query, rng) for hypothesis in hypotheses]
+def verify(views: Sequence[View], query: Query, rng: np.random.Generator) -> list[VerifiedPose]:
+    """The pose of each view after guided matching, without those that find too little."""
+    verified = [_verified(view, query, rng) for view in views]
     return [pose for pose in verified if pose]
 
 

@@ -1,0 +1,61 @@
+"""Views from which a map that repeats itself looks as from a given one, but for a displacement.
+
+Books on a shelf, windows and tiles repeat themselves within one place. Each is the second-nearest
+of the next, so the ratio test leaves few matches of them, and a covisibility cluster keeps one
+landmark a feature. The matches of a pose tell of its rivals nevertheless: their landmarks have
+likenesses in the map, many of them as far off in the same direction.
+"""
+
+import numpy as np
+
+from vnav.core import se3
+from vnav.core.arrays import Array
+from vnav.localisation.inverted_file import nearest_distinct
+from vnav.localisation.matches import Matches
+from vnav.localisation.query import MIN_MATCHES, Query
+from vnav.localisation.view import View
+
+LIKENESSES = 16  # of a landmark that are looked at
+LIKE = 1.2  # as far as a landmark's likeness is in descriptors, over the typical distractor's
+CELL_M = 0.05  # displacements in one cell count as one
+SAME_M = 0.08  # and those that differ by less
+MIN_SHARE = 0.1  # of the landmarks that a displacement must explain
+MOST = 8  # displacements
+
+
+def displaced(view: View, matches: Matches, query: Query) -> list[View]:
+    """The view where the map repeats what matches there, the most frequent displacement first."""
+    found = frequent(displacements(matches, query), max(MIN_MATCHES, MIN_SHARE * len(matches)))
+    return [_displaced(view, displacement) for displacement in found]
+
+
+def displacements(matches: Matches, query: Query) -> Array:
+    """From the landmarks of the matches to their likenesses (N, 3), in metres, in the world."""
+    database, index = query.database, query.database.index
+    words = database.words(matches.row, query.level_2d_3d)
+    like, distance = nearest_distinct(
+        index.descriptors[matches.row], index.span[words], database.inverted_file, LIKENESSES
+    )
+    points = index.points_world
+    ways = points[index.owner[like]] - points[matches.landmark][:, None]
+    near = distance < LIKE * index.distractor_distance
+    return np.asarray(ways[near & (np.linalg.norm(ways, axis=2) > SAME_M)], float)
+
+
+def frequent(ways: Array, min_count: float) -> list[Array]:
+    """Displacements (3,) that at least so many of some (N, 3) agree on, the most frequent first."""
+    cells, count = np.unique(np.round(ways / CELL_M), axis=0, return_counts=True)
+    order = np.argsort(-count, kind="stable")
+    found: list[Array] = []
+    for cell in cells[order[count[order] >= min_count]]:
+        near = np.linalg.norm(ways - cell * CELL_M, axis=1) < 1.5 * CELL_M
+        way = np.median(ways[near], axis=0)
+        if all(np.linalg.norm(way - other) > SAME_M for other in found):
+            found.append(way)
+    return found[:MOST]
+
+
+def _displaced(view: View, displacement: Array) -> View:
+    T = view.T_world_camera
+    T[:3, 3] += displacement
+    return View(se3.inverse(T), view.intrinsics)
