@@ -39,15 +39,24 @@ def test_a_view_counts_for_one_within_what_a_real_sensor_is_off_and_for_less_bey
     view, other = views(0.0, None)
     on_box = np.isclose(view.frame.inverse_depth, 1 / 2, atol=0.01)
     # at the wall that makes 0.0033 and 0.0111 in inverse depth: 1.7 and 5.6 times the noise of two
-    # depths, of which the mean difference is 0.8
+    # depths, of which the median difference is 0.6745
     slightly, farther = (replace(other, T_track_camera=ahead(m)) for m in (0.03, 0.1))
     fit, also_fit, unfit = (
         count_votes(view, [o], SIGMA, MARGIN_M).free[on_box] for o in (other, slightly, farther)
     )
-    share = (3 * np.sqrt(2) * SIGMA / (np.sqrt(np.pi / 2) * 0.1 / 9)) ** 2
+    share = (3 * np.sqrt(2) * SIGMA / (0.1 / 9 / 0.6745)) ** 2
     assert (fit == 1).all()
     assert also_fit.max() == 1
     assert unfit.max() == pytest.approx(share, rel=0.2)
+
+
+def test_a_view_fits_though_two_fifths_of_it_move_a_little() -> None:
+    view, other = views(0.0, None)
+    on_box = np.isclose(view.frame.inverse_depth, 1 / 2, atol=0.01)
+    depths = other.frame.inverse_depth.copy()
+    depths[:, : 2 * CAMERA.width // 5] = 1 / 2.88  # 12 cm before the wall: less than what is seen
+    slow = replace(other, frame=replace(other.frame, inverse_depth=depths))
+    assert (count_votes(view, [slow], SIGMA, MARGIN_M).free[on_box] == 1).all()
 
 
 def ahead(metres: float) -> Array:

@@ -12,7 +12,7 @@ from vnav.masking.view import Blocks, PosedView
 
 MIN_Z_M = 0.05  # nothing is seen nearer than this
 SIGMAS = 4.0  # of the difference of two depths, that are not noise
-MEAN_OF_SIGMA = np.sqrt(2 / np.pi)  # mean absolute value of noise whose deviation is 1
+MEDIAN_OF_SIGMA = 0.6745  # median absolute value of noise whose deviation is 1
 FITS = 3.0  # times the noise of two depths, by which views differ that fit, of a real sensor
 COARSE = 2  # a region that is opened has a block of every so many rows and columns
 STRIDE = 2 * COARSE  # between the blocks that tell how well two views fit
@@ -50,10 +50,10 @@ def count_votes(
     A surface is seen through where a view has measured depth in a block and all about it, all
     farther by more than the noise and the margin: a misalignment of one block changes nothing.
     Where cameras turn, late depth may misalign more blocks, and so many about it must be farther.
-    The noise is the sensor's, or more where surfaces that both see differ by more: then a pose is
-    not exact. Where a view has no depth, where something hides the surface, and beyond the image it
-    has no vote. Views have one camera; none give no votes. With a step, 1 or `COARSE`, only blocks
-    of every so many rows and columns are asked; they have the same votes.
+    The noise is the sensor's, or more where most surfaces that both see differ by more: then a pose
+    is not exact. Where a view has no depth, where something hides the surface, and beyond the image
+    it has no vote. Views have one camera; none give no votes. With a step, 1 or `COARSE`, only
+    blocks of every so many rows and columns are asked; they have the same votes.
     """
     votes = np.zeros((2, *view.frame.grey.shape), np.float32)
     sigma = np.sqrt(2) * sigma_per_m2
@@ -71,8 +71,8 @@ def count_votes(
 def misfit(view: PosedView, other: PosedView, sigma_per_m2: float, margin_m: float) -> float:
     """Standard deviation of two views' inverse depth, where both see one surface; 0 for too few.
 
-    Of noise, if their poses are right. ``sigma_per_m2`` of either, and the margin, tell what is one
-    surface.
+    Of most of these surfaces, by the median; of noise, if the poses are right. ``sigma_per_m2`` of
+    either, and the margin, tell what is one surface.
     """
     places, expected = places_in(other, view, view.frame.inverse_depth, STRIDE)
     return _noise(places, expected, other, np.sqrt(2) * sigma_per_m2, margin_m)
@@ -85,7 +85,7 @@ def _noise(
     near = other.about(1)
     depths = other.frame.inverse_depth, near.nearest, near.farthest
     off = _difference(places, expected, *depths, SIGMAS * sigma, margin_m)
-    return float(off / MEAN_OF_SIGMA)
+    return float(off / MEDIAN_OF_SIGMA)
 
 
 def _late_blocks(view: PosedView, other: PosedView) -> int:
@@ -143,13 +143,13 @@ def _difference(
     noise: float,
     margin_m: float,
 ) -> float:
-    """Mean absolute difference of inverse depth on smooth surfaces that both views see.
+    """Median absolute difference of inverse depth on smooth surfaces that both views see.
 
     0 where they share too few.
     """
     height, width = places.shape
     depth_of, nearest_of, farthest_of = inverse_depth.ravel(), nearest.ravel(), farthest.ravel()
-    total, found = 0.0, 0
+    found, off_by = 0, np.empty((height // STRIDE + 1) * (width // STRIDE + 1), np.float32)
     for v in range(0, height, STRIDE):
         for u in range(0, width, STRIDE):
             place = places[v, u]
@@ -158,9 +158,9 @@ def _difference(
             tolerance = noise + margin_m * expected[v, u] * depth_of[place]
             off = abs(expected[v, u] - depth_of[place])
             if nearest_of[place] - farthest_of[place] < tolerance and off < tolerance:
-                total += off
+                off_by[found] = off
                 found += 1
-    return total / found if found >= MIN_FITTED else 0.0
+    return float(np.median(off_by[:found])) if found >= MIN_FITTED else 0.0
 
 
 @compiled
