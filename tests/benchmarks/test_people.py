@@ -1,4 +1,5 @@
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -7,6 +8,7 @@ import numpy as np
 import pytest
 
 from vnav.core import se3
+from vnav.core.grid import OCCUPIED
 from vnav.core.point_cloud import Mesh
 from vnav.synthetic import Box, Scene
 from vnav.synthetic.raycast import Rectangles
@@ -72,6 +74,27 @@ def test_ghosts_are_counted_in_the_true_world(people: ModuleType, block: Scene) 
     tree = octree_of(surface - [0, 0, 1.0])
     assert people.ghost_cells(tree, T_truth_world, block) == 0
     assert people.ghost_cells(tree, np.eye(4), block) > 300
+
+
+def test_an_obstacle_of_the_grid_is_a_ghost_where_truly_nothing_stands_nor_beside(
+    people: ModuleType, block: Scene
+) -> None:
+    truth = block.grid(CELL_M, 0.1, 1.4)
+    cells = truth.cells.copy()
+    for place in ([2.5, 1.2], [2.5, 1.92]):  # before the cube, which begins at 2 m, and beside it
+        cells[tuple(truth.cells_at(place))] = OCCUPIED
+    assert people.ghosts_in_the_way(replace(truth, cells=cells), np.eye(4), truth) == 1
+    assert people.ghosts_in_the_way(truth, np.eye(4), truth) == 0
+
+
+def test_ghosts_of_the_grid_are_counted_in_the_true_world(people: ModuleType, block: Scene) -> None:
+    truth = block.grid(CELL_M, 0.1, 1.4)
+    x, y = truth.origin
+    turned = se3.make(se3.exp_so3([0, 0, np.pi / 2]), [5.0, 0, 0])  # onto itself
+    assert people.ghosts_in_the_way(truth, turned, truth) == 0
+    shifted = replace(truth, origin=(x + 1.0, y))
+    assert people.ghosts_in_the_way(shifted, se3.make(np.eye(3), [-1.0, 0, 0]), truth) == 0
+    assert people.ghosts_in_the_way(shifted, np.eye(4), truth) > 300
 
 
 def test_the_area_of_triangles_off_the_surfaces_is_summed(people: ModuleType, block: Scene) -> None:
