@@ -30,6 +30,7 @@ from vnav.io.formats.trajectories import read_tum
 from vnav.io.sources.open_capture import open_capture
 from vnav.io.store.artifacts import load_descriptor_space
 from vnav.io.store.map_folder import MapFolder
+from vnav.localisation.verdict.decision import support
 from vnav.localisation.verification.evidence import Odds, evidence, odds_of, posterior
 from vnav.pipeline.build import build_map
 from vnav.stages.locate import Locator
@@ -56,10 +57,18 @@ Cells = NDArray[np.intp]
 
 @dataclass(frozen=True)
 class Asked:
-    """A photo's hypotheses, the strongest first: their cells (2, C), and which are right."""
+    """A photo's hypotheses, the strongest first: their cells (2, C), and which are right.
+
+    ``support`` (H,): how likely they are by the matches that agree.
+    """
 
     cells: list[Cells]
+    support: NDArray[np.float64]
     right: list[bool]
+
+    def chances(self, odds: Odds) -> NDArray[np.float64]:
+        """Of each hypothesis (H,), by those odds."""
+        return posterior([evidence(c, odds) for c in self.cells], self.support)
 
 
 def synthetic_map(capture: Path, seed: int, off_m: float, front_end: str) -> MapFolder:
@@ -82,8 +91,10 @@ def asked(
     locator, found = Locator.open(folder, Config()), []
     for path in photos:
         hypotheses, true = locator.locate(path).result.hypotheses, truth.get(path.name)
-        right = [true is not None and near(h.view.T_world_camera, true) for h in hypotheses]
-        found.append(Asked([h.cells for h in hypotheses], right))
+        strongest_first = sorted(hypotheses, key=lambda h: -h.evidence.strength)
+        right = [true is not None and near(h.view.T_world_camera, true) for h in strongest_first]
+        cells = [h.cells for h in strongest_first]
+        found.append(Asked(cells, support(strongest_first), right))
     return found
 
 
@@ -133,7 +144,7 @@ def log_loss(photos: list[Asked], odds: Odds) -> float:
     """Mean surprise (nats) at which hypothesis of each photo is right, or that none is."""
     total = 0.0
     for photo in photos:
-        chances = posterior([evidence(c, odds) for c in photo.cells])
+        chances = photo.chances(odds)
         right = (
             chances[np.array(photo.right, bool)].sum() if any(photo.right) else 1 - chances.sum()
         )
@@ -145,7 +156,7 @@ def reliability(on: str, photos: list[Asked], odds: Odds) -> list[Measurement]:
     """How many answers of each confidence there are, and how many are right."""
     best = []
     for photo in photos:
-        chances = posterior([evidence(c, odds) for c in photo.cells])
+        chances = photo.chances(odds)
         if len(chances):
             k = int(chances.argmax())
             best.append((chances[k], photo.right[k]))

@@ -38,10 +38,11 @@ def wide(query) -> Query:
     )
 
 
-def pose_at(query, x, found) -> VerifiedPose:
+def pose_at(query, x, found, matched=100) -> VerifiedPose:
     """A pose with so many of 20 predicted landmarks found in each of 48 cells."""
-    landmarks = np.arange(100)
-    matches = Matches(landmarks, landmarks, landmarks.astype(np.int32), np.zeros(100, np.float32))
+    landmarks = np.arange(matched)
+    costs = np.zeros(matched, np.float32)
+    matches = Matches(landmarks, landmarks, landmarks.astype(np.int32), costs)
     T_world_camera = se3.make(np.eye(3), (x, 0.0, 1.4))
     cells = np.stack([np.full(48, found), np.full(48, 20)])
     view = View(se3.inverse(T_world_camera), query.photo.intrinsics)
@@ -73,6 +74,26 @@ def test_two_places_that_are_borne_out_alike_are_ambiguous(query):
     assert isinstance(answer, NotLocated)
     assert answer.reason == "ambiguous"
     np.testing.assert_allclose(answer.chances, 0.5, atol=1e-2)
+
+
+def test_of_two_places_that_are_borne_out_alike_that_with_more_matches_is_likelier(query):
+    """A rival explains what repeats itself, the right place the rest of the photo, too."""
+    few, many = pose_at(query, 0.0, 9), pose_at(query, 5.0, 9, matched=200)
+    answer = decide([few, many], SEARCHED, query)
+    assert answer.hypotheses == (many, few)
+    np.testing.assert_allclose(answer.chances, [0.8, 0.2], atol=0.01)
+
+
+def test_a_place_that_others_are_like_is_ambiguous_though_no_other_is_as_likely(query):
+    """Half of its landmarks are found in two other places: why not where nobody has been?"""
+    cells = np.stack([np.where(np.arange(48) % 3, 9, 0), np.full(48, 20)])
+    strongest = replace(pose_at(query, 0.0, 9), cells=cells)
+    halves = np.stack([np.where(np.arange(48) % 8 < 5, 9, 0), np.full(48, 20)])
+    rivals = [replace(pose_at(query, x, 9, matched=40), cells=halves) for x in (5.0, 10.0)]
+    assert isinstance(decide([strongest], SEARCHED, query), Located)
+    answer = decide([strongest, *rivals], SEARCHED, query)
+    assert isinstance(answer, NotLocated)
+    assert answer.reason == "ambiguous"
 
 
 def before(x, **changes) -> PlacePrior:

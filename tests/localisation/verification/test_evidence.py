@@ -7,7 +7,9 @@ from vnav.core.descriptor_space import DescriptorSpace
 from vnav.localisation.verification.evidence import (
     ODDS,
     RATES,
+    RIVALS,
     TRIES,
+    UNMAPPED,
     Evidence,
     evidence,
     odds_of,
@@ -94,7 +96,29 @@ def test_a_third_of_a_view_behind_something_unknown_leaves_a_pose_sure():
 
 def test_two_places_that_show_the_same_share_the_chances():
     same = evidence(np.stack([np.full(CELLS, 9), np.full(CELLS, 20)]))
-    np.testing.assert_allclose(posterior([same, same]), 0.5, atol=1e-3)
+    one, other = posterior([same, same])
+    assert one == other
+    assert 0.98 < one + other < 1  # a place that is not mapped may look the same
+
+
+def test_a_map_that_repeats_itself_makes_the_strongest_place_less_sure():
+    """What looks alike twice may do so a third time, where nobody has been."""
+    predicted = np.full(CELLS, 20)
+    found = np.where(np.arange(CELLS) % 4, 9, 0)
+    strongest = evidence(np.stack([found, predicted]))
+    rival = evidence(np.stack([np.where(np.arange(CELLS) % 8 < 5, 9, 0), predicted]))
+    assert rival.likeness > 0.5
+    assert posterior([strongest])[0] > 0.95
+    assert posterior([strongest, rival]).sum() < 0.8
+
+
+def test_a_pose_that_chance_made_leaves_the_strongest_place_as_sure():
+    predicted = np.full(CELLS, 20)
+    found = np.where(np.arange(CELLS) % 4, 9, 0)
+    strongest = evidence(np.stack([found, predicted]))
+    chance = evidence(np.stack([np.where(np.arange(CELLS) == 0, 9, 0), predicted]))
+    assert chance.likeness < 0.01
+    np.testing.assert_allclose(posterior([strongest, chance])[0], posterior([strongest]), atol=0.01)
 
 
 def test_a_rival_of_which_half_is_missing_is_hardly_one():
@@ -107,7 +131,10 @@ def test_a_rival_of_which_half_is_missing_is_hardly_one():
 def test_the_chances_of_all_places_and_of_none_add_up():
     one = np.zeros(len(RATES))
     places = [Evidence(one + 3, one + 1, one + 0.5), Evidence(one + 2, one + 1.5, one + 0.2)]
-    odds = [exp(3.0 - 1.0), exp(2.0 - 1.5), TRIES * exp(0.5 - 1.0)]
+    alike = 1 / (1 + exp(0.2 - 1.5) * (1 - RIVALS) / RIVALS)  # the second place, not the photo's
+    chance = UNMAPPED * alike / (1 + alike)
+    unmapped = (1 - chance) * exp(0.5) + chance * exp(1.0)
+    odds = [exp(3.0 - 1.0), exp(2.0 - 1.5), TRIES * unmapped / exp(1.0)]
     np.testing.assert_allclose(posterior(places), np.array(odds[:2]) / sum(odds))
     assert len(posterior([])) == 0
 

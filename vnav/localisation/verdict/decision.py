@@ -6,15 +6,17 @@ from dataclasses import dataclass
 import numpy as np
 
 from vnav.core import se3
+from vnav.core.arrays import Array
 from vnav.core.frame import Rejected
 from vnav.localisation.prior import PlacePrior
-from vnav.localisation.query import Query, min_matches
+from vnav.localisation.query import Query, SupportedPose, min_matches
 from vnav.localisation.search.candidates import SearchResult
 from vnav.localisation.verdict.uncertainty import Sigmas, sigmas
 from vnav.localisation.verification.evidence import posterior
-from vnav.localisation.verification.verify import VerifiedPose
+from vnav.localisation.verification.verify import VerifiedPose, confirmed
 from vnav.localisation.view import View
 
+SUPPORT = 2.0  # exponent of the matches that agree: how much likelier they make a place
 HELD_INLIERS = 2.0  # of a pose that only the photos before hold, over `locate.min_inliers`
 NEAR_M, NEAR_RAD = 0.25, np.deg2rad(10.0)  # what counts as the same place
 
@@ -77,7 +79,8 @@ def _judged(
     places, chances = _weighed(places, query, prior)
     inliers = places[0].inliers if places else 0
     least = 0.0 if prior is None else HELD_INLIERS * query.config.min_inliers
-    if sum(chances) < wanted or inliers < least:
+    unlikely = sum(chances) < wanted and not confirmed(places, query)
+    if unlikely or inliers < least:
         return NotLocated("no consistent pose", matches, inliers, places, chances)
     if chances[0] < wanted:
         return NotLocated("ambiguous", matches, inliers, places, chances)
@@ -93,13 +96,21 @@ def _weighed(
     places: Sequence[VerifiedPose], query: Query, prior: PlacePrior | None
 ) -> tuple[tuple[VerifiedPose, ...], tuple[float, ...]]:
     """Places with their probabilities, the likeliest first."""
-    evidence = [place.evidence for place in places]
-    if prior is None:
-        return tuple(places), tuple(posterior(evidence).tolist())
-    odds = prior.odds([place.view for place in places], query.database.index)
-    chances = posterior(evidence, odds)
+    odds = support(places)
+    if prior is not None:
+        odds = odds * prior.odds([place.view for place in places], query.database.index)
+    chances = posterior([place.evidence for place in places], odds)
     order = np.argsort(-chances, kind="stable")  # the strongest need not be the likeliest
     return tuple(places[k] for k in order), tuple(chances[order].tolist())
+
+
+def support(places: Sequence[SupportedPose]) -> Array:
+    """How likely places (P,) are by the matches that agree, over the place with the most.
+
+    A rival explains what repeats itself; the right place explains the rest of the photo, too.
+    """
+    inliers = np.array([place.inliers for place in places], float)
+    return (inliers / inliers.max(initial=1)) ** SUPPORT
 
 
 def _distinct_places(poses: Sequence[VerifiedPose]) -> tuple[VerifiedPose, ...]:

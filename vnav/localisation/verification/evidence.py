@@ -8,7 +8,8 @@ integrated out; a small one is rare, and what chance matches make of a wrong pos
 of a right pose look as predicted; of a rival, a place of the map that repeats things (windows,
 shelves), perhaps half of them do; in a map that does not hold the place, hardly any, but there the
 pose is the best of many tries. How many is told by three distributions of the share of cells, which
-is integrated out, too: cells of one photo stand and fall together.
+is integrated out, too: cells of one photo stand and fall together. Where the map repeats itself,
+a place that it does not hold may look like a rival, too.
 
 Most constants are fitted on synthetic scenes; docs/evidence.md names the four set by hand, and
 benchmarks/calibrate_confidence.py checks all of them, and fits them anew.
@@ -32,6 +33,8 @@ RATE_BETA = (3.0, 5.0)  # Beta parameters of that rate over photos
 RATE_PRIOR = RATES ** RATE_BETA[0] * (1 - RATES) ** (RATE_BETA[1] - 1)  # their steps grow with them
 LOG_PRIOR = np.log(RATE_PRIOR / RATE_PRIOR.sum())
 TRIES = 5.0  # poses that the best one is chosen from where none is right
+RIVALS = 0.002  # share of places that look like another one, where the map tells nothing else
+UNMAPPED = 0.5  # as often an unmapped place looks like one of the map as another one of the map
 
 
 @dataclass(frozen=True)
@@ -47,7 +50,6 @@ class Odds:
     cells_if_right: Beta = (7.9, 0.28)
     cells_of_rival: Beta = (0.87, 2.0)
     cells_elsewhere: Beta = (0.5, 12.0)
-    unmapped_rival: float = 0.002  # share of unmapped places that look like a rival
 
 
 ODDS = {  # by front-end
@@ -62,7 +64,8 @@ ODDS = {  # by front-end
 class Evidence:
     """Log likelihoods (nats) of what a photo shows at a pose, were it right, or a rival's.
 
-    ``elsewhere``: were the photo from outside of the map. Each for every one of RATES (R,).
+    ``elsewhere``: were the photo from a place that is not like it. Each for every one of RATES
+    (R,).
     """
 
     right: Array
@@ -73,6 +76,12 @@ class Evidence:
     def strength(self) -> float:
         """How much (nats) it speaks for the pose rather than for a rival."""
         return float(_log_sum(self.right + LOG_PRIOR) - _log_sum(self.rival + LOG_PRIOR))
+
+    @property
+    def likeness(self) -> float:
+        """Probability that the place looks like the photo's, if it is another one."""
+        rival, elsewhere = (float(_log_sum(e + LOG_PRIOR)) for e in (self.rival, self.elsewhere))
+        return 1 / (1 + (1 / RIVALS - 1) * float(np.exp(min(elsewhere - rival, 100.0))))
 
 
 def odds_of(space: DescriptorSpace) -> Odds:
@@ -90,26 +99,34 @@ def evidence(cells: NDArray[np.intp], odds: Odds = Odds()) -> Evidence:
     mixed = np.logaddexp(np.log(share) + predicted, np.log(1 - share) + otherwise)
     of_share = mixed.sum(2)  # (shares, rates)
     kinds = odds.cells_if_right, odds.cells_of_rival, odds.cells_elsewhere
-    right, rival, elsewhere = (_log_sum(of_share + _log_weights(b)[:, None]) for b in kinds)
-    chance = odds.unmapped_rival
-    unmapped = np.logaddexp(elsewhere + np.log1p(-chance), rival + np.log(chance))
-    return Evidence(right, rival, unmapped)
+    return Evidence(*(_log_sum(of_share + _log_weights(b)[:, None]) for b in kinds))
 
 
 def posterior(places: Sequence[Evidence], odds: Array | float = 1.0) -> Array:
     """Probability (P,) of each place, the best first, that the photo was taken there.
 
     Either one place is right and the others are rivals, or none is. 0 places are legal. ``odds``
-    (P,): how much likelier a right pose is there than a chance one, before the photo is seen.
+    (P,): how much likelier a right pose is there than a chance one, by anything else.
     """
     if not places:
         return np.zeros(0)
     rivals = np.sum([place.rival for place in places], axis=0)
     log_odds = np.broadcast_to(np.log(odds), len(places))
     right = [p.right - p.rival + prior for p, prior in zip(places, log_odds, strict=True)]
-    none = places[0].elsewhere - places[0].rival + np.log(TRIES)
+    none = _unmapped(places) - places[0].rival + np.log(TRIES)
     scores = _log_sum((rivals + np.stack([*right, none]) + LOG_PRIOR).T)
     return np.asarray(np.exp(scores - _log_sum(scores))[:-1])
+
+
+def _unmapped(places: Sequence[Evidence]) -> Array:
+    """Log likelihood (R,) of what the first place shows, were the photo from outside of the map.
+
+    Then the place is like none there, or a rival: the likelier, the more of the map's others are.
+    """
+    alike = sum(place.likeness for place in places[1:])
+    chance = max(RIVALS, UNMAPPED * alike / (1 + alike))
+    first = places[0]
+    return np.logaddexp(first.elsewhere + np.log1p(-chance), first.rival + np.log(chance))
 
 
 def _log_beta_binomial(k: NDArray[np.intp], n: NDArray[np.intp], beta: Beta) -> Array:
