@@ -110,7 +110,7 @@ def support(places: Sequence[SupportedPose]) -> Array:
     A rival explains what repeats itself; the right place explains the rest of the photo, too.
     """
     inliers = np.array([place.inliers for place in places], float)
-    return (inliers / inliers.max(initial=1)) ** SUPPORT
+    return np.asarray((inliers / inliers.max(initial=1)) ** SUPPORT)
 
 
 def _distinct_places(poses: Sequence[VerifiedPose]) -> tuple[VerifiedPose, ...]:

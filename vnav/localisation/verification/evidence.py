@@ -126,7 +126,9 @@ def _unmapped(places: Sequence[Evidence]) -> Array:
     alike = sum(place.likeness for place in places[1:])
     chance = max(RIVALS, UNMAPPED * alike / (1 + alike))
     first = places[0]
-    return np.logaddexp(first.elsewhere + np.log1p(-chance), first.rival + np.log(chance))
+    return np.asarray(
+        np.logaddexp(first.elsewhere + np.log1p(-chance), first.rival + np.log(chance))
+    )
 
 
 def _log_beta_binomial(k: NDArray[np.intp], n: NDArray[np.intp], beta: Beta) -> Array:
