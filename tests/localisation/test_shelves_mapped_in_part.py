@@ -1,0 +1,44 @@
+"""Photos of shelves of which the map has a part: the rest looks the same."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import vnav
+from tests.tracking.stretches import stretch
+from vnav.config import Config
+from vnav.core.trajectory import Trajectory
+from vnav.io.store.map_folder import MapFolder
+from vnav.pipeline.build import build_map
+from vnav.synthetic import MINIATURE, SCENES
+from vnav.synthetic.path import frames_at
+
+pytestmark = pytest.mark.slow
+
+MAPPED = 0.4  # of the walk
+SAME_PLACE_M = 0.25
+EVERY = 6
+
+
+@pytest.mark.parametrize("seed", [1, 3])
+def test_a_photo_of_the_shelves_that_nobody_mapped_is_not_placed_at_those_that_are(
+    seed: int, tmp_path: Path
+) -> None:
+    frames = frames_at(0.07, SCENES["library"](seed).tour)
+    first = round((1 - MAPPED) * frames)
+    capture, T_mapped = stretch("library", seed, range(first, frames))
+    given = Trajectory(np.array(range(first, frames)) / 10.0, T_mapped)
+    build_map(MapFolder.create(tmp_path / "map"), capture, Config(), given=given)
+    photos, T_true = stretch("library", seed, range(0, frames, EVERY))
+    found = vnav.open_map(tmp_path / "map")
+    answers = [
+        found.locate(photos.read(k).color, camera=MINIATURE.camera) for k in range(len(photos))
+    ]
+    off_m = [
+        float(np.linalg.norm(a.T_world_camera[:3, 3] - T[:3, 3]))
+        for a, T in zip(answers, T_true, strict=True)
+        if a.T_world_camera is not None
+    ]
+    assert off_m
+    assert max(off_m) < SAME_PLACE_M
