@@ -75,6 +75,7 @@ PARTS = (  # what is told, and the functions that do it
     ("search", localise, "search"),
     ("search", localise, "search_repeated"),
     ("hypotheses", localise, "hypothesise"),
+    ("hypotheses", localise, "displaced"),
     ("verification", localise, "verify"),
     ("verdict", localise, "decide"),
 )
