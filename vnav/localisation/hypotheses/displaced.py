@@ -2,8 +2,8 @@
 
 Books on a shelf, windows and tiles repeat themselves within one place. Each is the second-nearest
 of the next, so the ratio test leaves few matches of them, and a covisibility cluster keeps one
-landmark a feature. The matches of a pose tell of its rivals nevertheless: their landmarks have
-likenesses in the map, many of them as far off in the same direction.
+landmark a feature. The matches of a pose tell of its rivals nevertheless: other landmarks look like
+theirs, many of them as far off in the same direction.
 """
 
 import numpy as np
@@ -15,8 +15,8 @@ from vnav.localisation.matches import Matches
 from vnav.localisation.query import MIN_MATCHES, Query
 from vnav.localisation.view import View
 
-LIKENESSES = 16  # of a landmark that are looked at
-LIKE = 1.2  # as far as a landmark's likeness is in descriptors, over the typical distractor's
+NEAREST = 16  # in descriptors, which a landmark is compared with
+LIKE = 1.2  # up to this distance, over the typical distractor's, two landmarks look alike
 CELL_M = 0.05  # displacements in one cell count as one
 SAME_M = 0.08  # and those that differ by less
 MIN_SHARE = 0.1  # of the landmarks that a displacement must explain
@@ -30,11 +30,11 @@ def displaced(view: View, matches: Matches, query: Query) -> list[View]:
 
 
 def displacements(matches: Matches, query: Query) -> Array:
-    """From the landmarks of the matches to their likenesses (N, 3), in metres, in the world."""
+    """From the landmarks of the matches to those that look like them (N, 3), in metres."""
     database, index = query.database, query.database.index
     words = database.words(matches.row, query.level_2d_3d)
     like, distance = nearest_distinct(
-        index.descriptors[matches.row], index.span[words], database.inverted_file, LIKENESSES
+        index.descriptors[matches.row], index.span[words], database.inverted_file, NEAREST
     )
     points = index.points_world
     ways = points[index.owner[like]] - points[matches.landmark][:, None]
