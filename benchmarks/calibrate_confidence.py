@@ -57,7 +57,7 @@ Cells = NDArray[np.intp]
 
 @dataclass(frozen=True)
 class Asked:
-    """A photo's hypotheses, the strongest first: their cells (2, C), and which are right.
+    """A photo's hypotheses: their cells (2, C), and which are right.
 
     ``support`` (H,): how likely they are by the matches that agree.
     """
@@ -91,10 +91,8 @@ def asked(
     locator, found = Locator.open(folder, Config()), []
     for path in photos:
         hypotheses, true = locator.locate(path).result.hypotheses, truth.get(path.name)
-        strongest_first = sorted(hypotheses, key=lambda h: -h.evidence.strength)
-        right = [true is not None and near(h.view.T_world_camera, true) for h in strongest_first]
-        cells = [h.cells for h in strongest_first]
-        found.append(Asked(cells, support(strongest_first), right))
+        right = [true is not None and near(h.view.T_world_camera, true) for h in hypotheses]
+        found.append(Asked([h.cells for h in hypotheses], support(hypotheses), right))
     return found
 
 

@@ -17,14 +17,13 @@ from pathlib import Path
 import numpy as np
 from accuracy import NOT_LOCATED, built, errors, frames_of, photos_found, poses_in, vnav
 from among_people import MOST_M
-from people import ghosts_in_the_way, rendered
+from people import of_grid, rendered
 from recording import Measurement, add_record_option, conclude
 from verdicts import MAX_DIFFERENCE_S, WRONG, is_doubtful, of_verdict
 
 from vnav.core import se3
 from vnav.core.association import associate
 from vnav.errors import CaptureError
-from vnav.io.formats.grid_files import read_grid
 from vnav.io.formats.trajectories import read_tum
 from vnav.io.store.map_folder import MapFolder
 from vnav.synthetic import SCENES, CaptureSpec, Sensor
@@ -163,9 +162,7 @@ def measured(seed: int, out: Path, config: str) -> Iterator[Measurement]:
     moving = folder.report("odometry")["values"]["moving"]["mean"]
     yield Measurement(on, what, "masked", 100 * moving, "%")
     aligned = T_truth_world(capture, file) if spec.motion else np.array(score["T_truth_world"])
-    grids = read_grid(map_of / "fuse" / "grid.yaml"), read_grid(capture / "truth" / "grid.yaml")
-    in_the_way = ghosts_in_the_way(grids[0], aligned, grids[1])
-    yield Measurement(on, what, "ghost cells of the grid", in_the_way)
+    yield of_grid(on, what, capture, map_of, aligned)
     answers = vnav("locate", capture / "photos", "--map", map_of, expected=(0, NOT_LOCATED))
     off = errors(answers, capture / "photos", aligned)
     yield from photos_found(on, len(answers), off)

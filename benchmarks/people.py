@@ -5,9 +5,8 @@
 renders captures to OUT/captures and maps them to OUT/maps, each once. It counts frames with a pose,
 scores the trajectory, and looks for ghosts: occupied cells of the octree where there truly is
 nothing, cells of the grid that stand in a robot's way, and area of the mesh far from any true
-surface. A DIR of a peer has its trajectories of
-the same captures, as CAPTURE.tum. What masks cover is measured by masks.py, on the same captures.
-Exit code 1 where something wanted is missed.
+surface. A DIR of a peer has its trajectories of the same captures, as CAPTURE.tum. What masks cover
+is measured by masks.py, on the same captures. Exit code 1 where something wanted is missed.
 """
 
 import argparse
@@ -106,6 +105,13 @@ def ghosts_in_the_way(grid: Grid, T_truth_world: Array, truth: Grid) -> int:
     return int((is_free & (away[row, column] > BESIDE_CELLS)).sum())
 
 
+def of_grid(on: str, what: str, capture: Path, map_of: Path, T_truth_world: Array) -> Measurement:
+    """The ghosts of a map's grid."""
+    grid, truth = (read_grid(f / "grid.yaml") for f in (map_of / "fuse", capture / "truth"))
+    ghosts = ghosts_in_the_way(grid, T_truth_world, truth)
+    return Measurement(on, what, "ghost cells of the grid", ghosts)
+
+
 def ghost_area_m2(mesh: Mesh, T_truth_world: Array, scene: Scene) -> float:
     """Area of the triangles whose middle is farther than FAR_M from any true surface."""
     a, b, c = np.moveaxis(mesh.vertices_world[mesh.triangles].astype(float), 1, 0)
@@ -130,13 +136,11 @@ def of_map(on: str, what: str, capture: Path, map_of: Path, scene: Scene) -> lis
     found, T_truth_world = of_trajectory(on, what, capture, file)
     octree, mesh = Octree.read(map_of / "fuse" / "occupancy.ot"), map_of / "fuse" / "mesh.ply"
     cells = ghost_cells(octree, T_truth_world, scene)
-    grids = read_grid(map_of / "fuse" / "grid.yaml"), read_grid(capture / "truth" / "grid.yaml")
-    in_the_way = ghosts_in_the_way(grids[0], T_truth_world, grids[1])
     area_m2 = ghost_area_m2(read_mesh(mesh), T_truth_world, scene)
     return [
         *found,
         Measurement(on, what, "ghost cells", cells),
-        Measurement(on, what, "ghost cells of the grid", in_the_way),
+        of_grid(on, what, capture, map_of, T_truth_world),
         Measurement(on, what, "mesh off the truth", area_m2, "m2"),
     ]
 

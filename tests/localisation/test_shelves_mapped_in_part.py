@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import vnav
-from tests.tracking.stretches import stretch
+from tests.tracking.stretches import STEP_M, stretch
 from vnav.config import Config
 from vnav.core.trajectory import Trajectory
 from vnav.io.store.map_folder import MapFolder
@@ -25,10 +25,9 @@ EVERY = 6
 def test_a_photo_of_the_shelves_that_nobody_mapped_is_not_placed_at_those_that_are(
     seed: int, tmp_path: Path
 ) -> None:
-    frames = frames_at(0.07, SCENES["library"](seed).tour)
-    first = round((1 - MAPPED) * frames)
-    capture, T_mapped = stretch("library", seed, range(first, frames))
-    given = Trajectory(np.array(range(first, frames)) / 10.0, T_mapped)
+    frames = frames_at(STEP_M, SCENES["library"](seed).tour)
+    capture, T_mapped = stretch("library", seed, range(round((1 - MAPPED) * frames), frames))
+    given = Trajectory(np.asarray(capture.stamps_s), T_mapped)
     build_map(MapFolder.create(tmp_path / "map"), capture, Config(), given=given)
     photos, T_true = stretch("library", seed, range(0, frames, EVERY))
     found = vnav.open_map(tmp_path / "map")

@@ -26,7 +26,8 @@ MOST = 8  # displacements
 def displaced(view: View, matches: Matches, query: Query) -> list[View]:
     """The view where the map repeats what matches there, the most frequent displacement first."""
     found = frequent(displacements(matches, query), max(MIN_MATCHES, MIN_SHARE * len(matches)))
-    return [_displaced(view, displacement) for displacement in found]
+    back = [se3.make(np.eye(3), -displacement) for displacement in found]
+    return [View(view.T_camera_world @ T, view.intrinsics) for T in back]
 
 
 def displacements(matches: Matches, query: Query) -> Array:
@@ -43,7 +44,10 @@ def displacements(matches: Matches, query: Query) -> Array:
 
 
 def frequent(ways: Array, min_count: float) -> list[Array]:
-    """Displacements (3,) that at least so many of some (N, 3) agree on, the most frequent first."""
+    """Displacements (3,) that at least so many of some (N, 3) agree on, the most frequent first.
+
+    `MOST` of them at most.
+    """
     cells, count = np.unique(np.round(ways / CELL_M), axis=0, return_counts=True)
     order = np.argsort(-count, kind="stable")
     found: list[Array] = []
@@ -52,10 +56,6 @@ def frequent(ways: Array, min_count: float) -> list[Array]:
         way = np.median(ways[near], axis=0)
         if all(np.linalg.norm(way - other) > SAME_M for other in found):
             found.append(way)
-    return found[:MOST]
-
-
-def _displaced(view: View, displacement: Array) -> View:
-    T = view.T_world_camera
-    T[:3, 3] += displacement
-    return View(se3.inverse(T), view.intrinsics)
+        if len(found) == MOST:
+            break
+    return found

@@ -103,7 +103,7 @@ def evidence(cells: NDArray[np.intp], odds: Odds = Odds()) -> Evidence:
 
 
 def posterior(places: Sequence[Evidence], odds: Array | float = 1.0) -> Array:
-    """Probability (P,) of each place, the best first, that the photo was taken there.
+    """Probability (P,) of each place that the photo was taken there.
 
     Either one place is right and the others are rivals, or none is. 0 places are legal. ``odds``
     (P,): how much likelier a right pose is there than a chance one, by anything else.
@@ -113,22 +113,21 @@ def posterior(places: Sequence[Evidence], odds: Array | float = 1.0) -> Array:
     rivals = np.sum([place.rival for place in places], axis=0)
     log_odds = np.broadcast_to(np.log(odds), len(places))
     right = [p.right - p.rival + prior for p, prior in zip(places, log_odds, strict=True)]
-    none = _unmapped(places) - places[0].rival + np.log(TRIES)
+    strongest = int(np.argmax([place.strength for place in places]))
+    none = _unmapped(places, strongest) - places[strongest].rival + np.log(TRIES)
     scores = _log_sum((rivals + np.stack([*right, none]) + LOG_PRIOR).T)
     return np.asarray(np.exp(scores - _log_sum(scores))[:-1])
 
 
-def _unmapped(places: Sequence[Evidence]) -> Array:
-    """Log likelihood (R,) of what the first place shows, were the photo from outside of the map.
+def _unmapped(places: Sequence[Evidence], k: int) -> Array:
+    """Log likelihood (R,) of what place k shows, were the photo from outside of the map.
 
     Then the place is like none there, or a rival: the likelier, the more of the map's others are.
     """
-    alike = sum(place.likeness for place in places[1:])
+    alike = sum(place.likeness for place in [*places[:k], *places[k + 1 :]])
     chance = max(RIVALS, UNMAPPED * alike / (1 + alike))
-    first = places[0]
-    return np.asarray(
-        np.logaddexp(first.elsewhere + np.log1p(-chance), first.rival + np.log(chance))
-    )
+    like_none, rival = places[k].elsewhere + np.log1p(-chance), places[k].rival + np.log(chance)
+    return np.asarray(np.logaddexp(like_none, rival))
 
 
 def _log_beta_binomial(k: NDArray[np.intp], n: NDArray[np.intp], beta: Beta) -> Array:
