@@ -9,6 +9,7 @@ from vnav.config.registries import MASKS, registered
 from vnav.core.reduced_frame import ReducedFrame
 from vnav.errors import ConfigError
 from vnav.masking import mask
+from vnav.masking.view import MaskedView, still
 
 SECONDS = 6.0
 
@@ -64,6 +65,12 @@ def test_the_same_frames_give_the_same_masks(config: Config, crossing: Walk) -> 
 def test_where_nothing_moves_nothing_is_masked(config: Config, box_m: float | None) -> None:
     still = walk(SECONDS, None if box_m is None else lambda _: box_m)
     assert all_masks(still, config)[1].shares(len(still.frames)).max() < 0.01
+
+
+def test_nothing_is_attached_where_nothing_moves(config: Config, crossing: Walk) -> None:
+    any_mask = mask(config)
+    first, *others = (any_mask.look(frame, np.eye(4)) for frame in crossing.frames[:5])
+    assert np.isinf(any_mask.with_attached(MaskedView(first, still(first)), others)).all()
 
 
 def test_a_jump_of_exposure_masks_nothing(config: Config) -> None:

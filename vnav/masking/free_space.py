@@ -19,7 +19,7 @@ STRIDE = 2 * COARSE  # between the blocks that tell how well two views fit
 MIN_FITTED = 30  # such blocks
 ENOUGH = 1.0  # views that fit, or more that fit worse, see through what is not there
 MAX_DELAY_S = 0.03  # of depth after colour, where nobody knows it
-SAME, FREE = range(2)
+SAME, FREE, HIDDEN = range(3)
 
 
 @dataclass(frozen=True)
@@ -66,6 +66,12 @@ def count_votes(
         asked = near.nearest, near.farthest, near.clear
         _add_votes(votes, weight, places, expected, *asked, noise, margin_m, step)
     return Votes(votes[SAME], votes[FREE])
+
+
+def noise_of(view: PosedView, other: PosedView, sigma_per_m2: float, margin_m: float) -> float:
+    """What two inverse depths of one surface may differ by, of two views that may not fit well."""
+    off = misfit(view, other, sigma_per_m2, margin_m)
+    return SIGMAS * max(float(np.sqrt(2)) * sigma_per_m2, off)
 
 
 def misfit(view: PosedView, other: PosedView, sigma_per_m2: float, margin_m: float) -> float:
@@ -184,8 +190,21 @@ def _add_votes(
             place = places[v, u]
             if place < 0 or nearest_of[place] == 0:
                 continue
-            tolerance = noise + margin_m * expected[v, u] * nearest_of[place]
-            if expected[v, u] - nearest_of[place] > tolerance:
+            near, far = nearest_of[place], farthest_of[place]
+            said = vote(expected[v, u], near, far, noise, margin_m)
+            if said == FREE:
                 votes[FREE, v, u] += weight * clear_at[place]
-            elif expected[v, u] > farthest_of[place] - tolerance:
+            elif said == SAME:
                 votes[SAME, v, u] += 1
+
+
+@compiled
+def vote(expected: float, nearest: float, farthest: float, noise: float, margin_m: float) -> int:
+    """`SAME`: a view sees a surface where it is expected; `FREE`: through it; or else `HIDDEN`.
+
+    By its inverse depth and the largest and smallest that the view has about that place.
+    """
+    tolerance = noise + margin_m * expected * nearest
+    if expected - nearest > tolerance:
+        return FREE
+    return SAME if expected > farthest - tolerance else HIDDEN

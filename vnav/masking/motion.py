@@ -13,6 +13,7 @@ from vnav.config import Config
 from vnav.core import se3
 from vnav.core.arrays import Array, Floats
 from vnav.core.reduced_frame import BLOCK_PX, ReducedFrame
+from vnav.masking.attached import with_attached
 from vnav.masking.background import Background
 from vnav.masking.carrying import SurfaceCarrier
 from vnav.masking.free_space import COARSE, Votes, count_votes
@@ -92,6 +93,12 @@ class MotionMask:
         found = self._carrier.borne_out(view, moved_s <= REMEMBERED_S, witnesses)
         found = large(opened(found), self._min_blocks)
         return completed(np.where(found, moved_s, result), view)
+
+    def with_attached(self, masked: MaskedView, others: Sequence[PosedView]) -> Floats:
+        """What moves, with surfaces that touch it and that no view sees stay when it has left."""
+        if self._config.warp == "homography" or np.isinf(masked.moved_s).all():
+            return masked.moved_s
+        return with_attached(masked, others, self._sigma, self._config.depth_margin_m)
 
     def _votes(self, view: PosedView, others: Sequence[PosedView], step: int = 1) -> Votes:
         return count_votes(view, others, self._sigma, self._config.depth_margin_m, step)

@@ -30,6 +30,10 @@ class NoMask:
         """Nothing."""
         return still(view)
 
+    def with_attached(self, masked: MaskedView, _others: Sequence[PosedView]) -> Floats:
+        """Nothing more."""
+        return masked.moved_s
+
     def add(self, view: PosedView) -> None:
         """Nothing is held against it."""
 

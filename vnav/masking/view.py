@@ -122,6 +122,9 @@ class Mask(Protocol):
         It is carried unless most witnesses, views on that side, see it stand still.
         """
 
+    def with_attached(self, masked: MaskedView, others: Sequence[PosedView]) -> Floats:
+        """What moves in a view (h, w), with surfaces that are of one body with it, by others."""
+
     def add(self, view: PosedView) -> None:
         """Take the view that was looked at last for one that later ones are held against."""
 

@@ -6,6 +6,7 @@ the time that the settings name are known.
 """
 
 from collections import deque
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -184,10 +185,10 @@ class FrameMasks:
         for k in reversed(range(len(self._known))):
             seen, known = self._known[k]
             if later is not None and later.moving.any():
-                end_s = known.stamp_s + self._config.window_s
-                after = self._views.between(known.stamp_s, end_s)
+                before, after = self._views_about(known.stamp_s)
                 moved_s = self._mask.carried(known.view, later.masked, after)
-                known = self._with(known, np.minimum(known.moved_s, moved_s))
+                others = [other.view for other in (*before, *after)]
+                known = self._with(known, np.minimum(known.moved_s, moved_s), others)
                 self._note(known)
             self._views.replace(known.masked)
             self._known[k] = seen, known
@@ -208,17 +209,22 @@ class FrameMasks:
 
     def _masked(self, seen: SeenFrame, before: SeenFrame | None) -> SeenFrame:
         """The frame with its mask by all views within the window, and by the frame ``before``."""
-        view, now_s, window_s = seen.view, seen.stamp_s, self._config.window_s
-        earlier = self._views.between(now_s - window_s, now_s)
-        later = self._views.between(now_s, now_s + window_s)
+        view, (earlier, later) = seen.view, self._views_about(seen.stamp_s)
         carried = (
             still(view) if before is None else self._mask.carried(view, before.masked, earlier)
         )
         others = [other.view for other in (*earlier, *later)]
-        return self._with(seen, self._mask.moving(view, others, carried))
+        return self._with(seen, self._mask.moving(view, others, carried), others)
 
-    def _with(self, seen: SeenFrame, moved_s: Floats) -> SeenFrame:
-        """The frame with another mask, if that is not too large."""
+    def _views_about(self, stamp_s: float) -> tuple[list[MaskedView], list[MaskedView]]:
+        """The views before a time and after it, as far as the window reaches."""
+        window_s = self._config.window_s
+        earlier = self._views.between(stamp_s - window_s, stamp_s)
+        return earlier, self._views.between(stamp_s, stamp_s + window_s)
+
+    def _with(self, seen: SeenFrame, moved_s: Floats, others: Sequence[PosedView]) -> SeenFrame:
+        """The frame with another mask and what is attached to that, if this is not too large."""
+        moved_s = self._mask.with_attached(MaskedView(seen.view, moved_s), others)
         share = float(np.isfinite(moved_s).mean())
         if share > self._config.max_share:
             return replace(seen, moved_s=still(seen.view), share=np.nan)
