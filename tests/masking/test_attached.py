@@ -1,9 +1,11 @@
 """A body of two surfaces, trousers and a shirt: where one has left, the other has, too."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from tests.masking.moving_box import CAMERA
+from tests.masking.moving_box import CAMERA, STEP_S, Walk, all_masks
 from vnav.config import load
 from vnav.core.reduced_frame import ReducedFrame
 from vnav.masking.motion import MotionMask
@@ -11,7 +13,7 @@ from vnav.masking.view import Blocks, MaskedView, PosedView, still
 
 WALL_M, TROUSERS_M, SHIRT_M, SOMEBODY_M = 3.0, 2.0, 2.07, 1.2
 TROUSERS, SHIRT = (slice(30, 50), slice(30, 50)), (slice(10, 30), slice(30, 50))
-HIDDEN = (slice(0, 27), slice(20, 60))  # nearly all of the shirt, by somebody else
+HIDDEN = (slice(0, 30), slice(20, 60))  # the shirt and more, by somebody else
 AGO_S = 0.4
 
 
@@ -78,3 +80,12 @@ def test_a_homography_knows_no_surfaces() -> None:
         MaskedView(seen, moved_s), [SHIRT_HIDDEN]
     )
     assert np.array_equal(found, moved_s)
+
+
+def test_a_body_is_masked_whole_before_it_leaves_though_somebody_hides_half_of_it_then() -> None:
+    views = [BOTH_IN_PLACE] * 30 + [SHIRT_HIDDEN] * 30
+    frames = [replace(seen.frame, stamp_s=STEP_S * k) for k, seen in enumerate(views)]
+    nowhere = np.zeros((CAMERA.height, CAMERA.width), bool)
+    walk = Walk(frames, [np.eye(4)] * len(frames), [nowhere] * len(frames))
+    moving = all_masks(walk, load(settings=["masking.method=motion"]))[1].moving
+    assert min(moving[row][SHIRT].mean() for row in range(5, 30)) > 0.95

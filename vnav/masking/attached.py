@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from vnav.compiled import compiled
 from vnav.core.arrays import Floats
-from vnav.masking.free_space import FREE, SAME, noise_of, places_in, vote
+from vnav.masking.free_space import FREE, SAME, noise_of, places_in, sees_through
 from vnav.masking.view import Blocks, MaskedView, PosedView
 
 REACH = 2  # blocks from one that touches another: at an edge there may be no depth
@@ -71,18 +71,9 @@ class _Asked:
         inverse_depth.flat[self.blocks] = view.frame.inverse_depth.flat[self.blocks]
         places, expected = places_in(other, view, inverse_depth)
         near = other.about(1)
-        about = near.nearest.ravel(), near.farthest.ravel(), near.clear.ravel()
+        seen = other.frame.inverse_depth, near.nearest, near.clear
         votes = np.zeros((2, count), np.int32)
-        _tally(
-            votes,
-            self.blocks,
-            self.surface,
-            places.ravel(),
-            expected.ravel(),
-            *about,
-            noise,
-            margin_m,
-        )
+        _tally(votes, self.blocks, self.surface, places, expected, *seen, noise, margin_m)
         return np.asarray((votes[answer] >= LEAST) & (votes[answer] > votes[1 - answer]))
 
 
@@ -126,17 +117,20 @@ def _tally(
     surface: NDArray[np.int32],
     places: NDArray[np.int32],
     expected: Floats,
+    inverse_depth: Floats,
     nearest: Floats,
-    farthest: Floats,
     clear: Blocks,
     noise: float,
     margin_m: float,
 ) -> None:
-    """Add one view's votes for each surface (2, S), in place."""
+    """Add one view's votes for each surface (2, S), in place: it is there, or is seen through."""
+    place_of, expected_of, depth_of = places.ravel(), expected.ravel(), inverse_depth.ravel()
+    nearest_of, clear_at = nearest.ravel(), clear.ravel()
     for n in range(len(blocks)):
-        place = places[blocks[n]]
-        if place < 0 or nearest[place] == 0:
+        w, place = expected_of[blocks[n]], place_of[blocks[n]]
+        if place < 0 or nearest_of[place] == 0:
             continue
-        said = vote(expected[blocks[n]], nearest[place], farthest[place], noise, margin_m)
-        if said == SAME or (said == FREE and clear[place]):
-            votes[said, surface[n]] += 1
+        if sees_through(w, nearest_of[place], noise, margin_m):
+            votes[FREE, surface[n]] += clear_at[place]
+        elif abs(w - depth_of[place]) < noise + margin_m * w * depth_of[place]:
+            votes[SAME, surface[n]] += 1

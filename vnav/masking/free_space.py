@@ -19,7 +19,7 @@ STRIDE = 2 * COARSE  # between the blocks that tell how well two views fit
 MIN_FITTED = 30  # such blocks
 ENOUGH = 1.0  # views that fit, or more that fit worse, see through what is not there
 MAX_DELAY_S = 0.03  # of depth after colour, where nobody knows it
-SAME, FREE, HIDDEN = range(3)
+SAME, FREE = range(2)
 
 
 @dataclass(frozen=True)
@@ -190,21 +190,14 @@ def _add_votes(
             place = places[v, u]
             if place < 0 or nearest_of[place] == 0:
                 continue
-            near, far = nearest_of[place], farthest_of[place]
-            said = vote(expected[v, u], near, far, noise, margin_m)
-            if said == FREE:
+            tolerance = noise + margin_m * expected[v, u] * nearest_of[place]
+            if sees_through(expected[v, u], nearest_of[place], noise, margin_m):
                 votes[FREE, v, u] += weight * clear_at[place]
-            elif said == SAME:
+            elif expected[v, u] > farthest_of[place] - tolerance:
                 votes[SAME, v, u] += 1
 
 
 @compiled
-def vote(expected: float, nearest: float, farthest: float, noise: float, margin_m: float) -> int:
-    """`SAME`: a view sees a surface where it is expected; `FREE`: through it; or else `HIDDEN`.
-
-    By its inverse depth and the largest and smallest that the view has about that place.
-    """
-    tolerance = noise + margin_m * expected * nearest
-    if expected - nearest > tolerance:
-        return FREE
-    return SAME if expected > farthest - tolerance else HIDDEN
+def sees_through(expected: float, nearest: float, noise: float, margin_m: float) -> bool:
+    """Whether all about a place, at inverse depths up to ``nearest``, lies beyond a surface."""
+    return bool(expected - nearest > noise + margin_m * expected * nearest)
