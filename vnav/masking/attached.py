@@ -6,14 +6,13 @@ trousers, so that it has several surfaces. Floor and furniture touch it, too, bu
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from vnav.compiled import compiled
-from vnav.core.arrays import Floats
-from vnav.masking.free_space import FREE, SAME, noise_of, places_in, sees_through
+from vnav.core.arrays import Array, Floats
+from vnav.masking.free_space import FREE, SAME, SIGMAS, place_of, sees_through
 from vnav.masking.view import Blocks, MaskedView, PosedView
 
 REACH = 2  # blocks from one that touches another: at an edge there may be no depth
@@ -33,17 +32,17 @@ def with_attached(
     """
     view, moved_s = masked.view, masked.moved_s
     count, moving = int(view.surfaces.max()) + 1, np.isfinite(moved_s)
-    touching = _touching(moving, view.surfaces, view.frame.inverse_depth)
+    touching = _Asked(*_pairs(moving, view.surfaces, view.frame.inverse_depth))
     is_touched = np.bincount(touching.surface, minlength=count) >= LEAST
     if not is_touched.any():
         return moved_s
     beside = _sampled(np.where(is_touched[view.surfaces] & ~moving, view.surfaces, 0))
     has_left, stays = np.zeros((2, count), bool)
     for other in others:
-        noise = noise_of(view, other, sigma_per_m2, margin_m)
-        left = touching.most(FREE, view, other, noise, margin_m, count)
-        has_left |= left
-        stays |= left & beside.most(SAME, view, other, noise, margin_m, count)
+        left = touching.most(FREE, view, other, sigma_per_m2, margin_m, count)
+        if left.any():
+            has_left |= left
+            stays |= left & beside.most(SAME, view, other, sigma_per_m2, margin_m, count)
     soonest_s = np.full(count, np.inf, np.float32)
     np.minimum.at(soonest_s, touching.surface, moved_s.ravel()[touching.blocks])
     soonest_s[~is_touched | ~has_left | stays] = np.inf
@@ -62,18 +61,25 @@ class _Asked:
         answer: int,
         view: PosedView,
         other: PosedView,
-        noise: float,
+        sigma_per_m2: float,
         margin_m: float,
         count: int,
     ) -> Blocks:
         """Of which surfaces (count,) another view sees most blocks in place, or sees through."""
-        inverse_depth = np.zeros_like(view.frame.inverse_depth)
-        inverse_depth.flat[self.blocks] = view.frame.inverse_depth.flat[self.blocks]
-        places, expected = places_in(other, view, inverse_depth)
-        near = other.about(1)
+        near, noise = other.about(1), SIGMAS * np.sqrt(2) * sigma_per_m2
         seen = other.frame.inverse_depth, near.nearest, near.clear
-        votes = np.zeros((2, count), np.int32)
-        _tally(votes, self.blocks, self.surface, places, expected, *seen, noise, margin_m)
+        T = other.T_camera_track @ view.T_track_camera
+        votes = _votes(
+            self.blocks,
+            self.surface,
+            count,
+            view.frame.inverse_depth,
+            *seen,
+            T,
+            view.frame.intrinsics.pinhole,
+            noise,
+            margin_m,
+        )
         return np.asarray((votes[answer] >= LEAST) & (votes[answer] > votes[1 - answer]))
 
 
@@ -87,50 +93,74 @@ def _sampled(number: NDArray[np.int32]) -> _Asked:
     return _Asked(blocks[chosen], surface[chosen])
 
 
-def _touching(moving: Blocks, number: NDArray[np.int32], inverse_depth: Floats) -> _Asked:
-    """Blocks that move, behind those that touch a surface that does not, by that surface."""
-    places, still = np.arange(moving.size).reshape(moving.shape), np.where(moving, 0, number)
-    found = [(np.zeros(0, np.intp), np.zeros(0, np.int32))]
-    for step in np.array([(0, 1), (1, 0), (0, -1), (-1, 0)]):
-        touches = moving & _beside(moving, -BEHIND * step) & (inverse_depth > 0)
-        behind = _beside(places, -BEHIND * step)
-        for k in range(1, REACH + 1):
-            surface, w = _beside(still, k * step), _beside(inverse_depth, k * step)
-            near = np.abs(w - inverse_depth) < STEP_M * w * inverse_depth
-            touching = touches & (surface > 0) & near
-            touches &= ~touching
-            found.append((behind[touching], surface[touching]))
-    return _Asked(*(np.concatenate(values) for values in zip(*found, strict=True)))
-
-
-def _beside(values: NDArray[Any], step: NDArray[np.intp]) -> NDArray[Any]:
-    """Of each block (h, w) the value of the one so many rows and columns on, 0 beyond the image."""
-    edge, (height, width) = np.abs(step).max(), values.shape
-    v, u = edge + step
-    return np.pad(values, edge)[v : v + height, u : u + width]
+@compiled
+def _pairs(
+    moving: Blocks, number: NDArray[np.int32], inverse_depth: Floats
+) -> tuple[NDArray[np.intp], NDArray[np.int32]]:
+    """Blocks (N,) that move, and the surfaces (N,) that do not and touch one so far before them."""
+    height, width = moving.shape
+    blocks, surface = np.empty(4 * moving.size, np.intp), np.empty(4 * moving.size, np.int32)
+    found = 0
+    for v in range(height):
+        for u in range(width):
+            if not moving[v, u]:
+                continue
+            for dv, du in ((0, 1), (1, 0), (0, -1), (-1, 0)):
+                i, j = v + BEHIND * dv, u + BEHIND * du
+                if 0 <= i < height and 0 <= j < width and moving[i, j]:
+                    touched = _touched(i, j, dv, du, moving, number, inverse_depth)
+                    if touched > 0:
+                        blocks[found], surface[found] = v * width + u, touched
+                        found += 1
+    return blocks[:found], surface[:found]
 
 
 @compiled
-def _tally(
-    votes: NDArray[np.int32],
+def _touched(
+    v: int,
+    u: int,
+    dv: int,
+    du: int,
+    moving: Blocks,
+    number: NDArray[np.int32],
+    inverse_depth: Floats,
+) -> int:
+    """The surface that a block touches in one direction, and that does not move; 0 is none."""
+    height, width = moving.shape
+    for k in range(1, REACH + 1):
+        i, j = v + k * dv, u + k * du
+        if 0 <= i < height and 0 <= j < width and not moving[i, j]:
+            w, other = inverse_depth[v, u], inverse_depth[i, j]
+            if abs(w - other) < STEP_M * w * other:
+                return int(number[i, j])
+    return 0
+
+
+@compiled
+def _votes(
     blocks: NDArray[np.intp],
     surface: NDArray[np.int32],
-    places: NDArray[np.int32],
-    expected: Floats,
+    count: int,
     inverse_depth: Floats,
+    seen: Floats,
     nearest: Floats,
     clear: Blocks,
+    T: Array,
+    camera: Array,
     noise: float,
     margin_m: float,
-) -> None:
-    """Add one view's votes for each surface (2, S), in place: it is there, or is seen through."""
-    place_of, expected_of, depth_of = places.ravel(), expected.ravel(), inverse_depth.ravel()
-    nearest_of, clear_at = nearest.ravel(), clear.ravel()
+) -> NDArray[np.int32]:
+    """Of each surface (2, S), how many blocks another view sees in place, and sees through."""
+    height, width = inverse_depth.shape
+    depth_of, nearest_of, clear_at = seen.ravel(), nearest.ravel(), clear.ravel()
+    votes = np.zeros((2, count), np.int32)
     for n in range(len(blocks)):
-        w, place = expected_of[blocks[n]], place_of[blocks[n]]
+        v, u = blocks[n] // width, blocks[n] % width
+        place, w = place_of(v, u, inverse_depth[v, u], T, camera, height, width)
         if place < 0 or nearest_of[place] == 0:
             continue
         if sees_through(w, nearest_of[place], noise, margin_m):
             votes[FREE, surface[n]] += clear_at[place]
         elif abs(w - depth_of[place]) < noise + margin_m * w * depth_of[place]:
             votes[SAME, surface[n]] += 1
+    return votes

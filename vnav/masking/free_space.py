@@ -68,12 +68,6 @@ def count_votes(
     return Votes(votes[SAME], votes[FREE])
 
 
-def noise_of(view: PosedView, other: PosedView, sigma_per_m2: float, margin_m: float) -> float:
-    """What two inverse depths of one surface may differ by, of two views that may not fit well."""
-    off = misfit(view, other, sigma_per_m2, margin_m)
-    return SIGMAS * max(float(np.sqrt(2)) * sigma_per_m2, off)
-
-
 def misfit(view: PosedView, other: PosedView, sigma_per_m2: float, margin_m: float) -> float:
     """Standard deviation of two views' inverse depth, where both see one surface; 0 for too few.
 
@@ -121,22 +115,31 @@ def _block_places(
 ) -> tuple[NDArray[np.int32], Floats]:
     """The loop of `places_in`; T takes points to the other view."""
     height, width = inverse_depth.shape
-    fx, fy, cx, cy = camera
     places = np.full((height, width), -1, np.int32)
     expected = np.zeros((height, width), np.float32)
     for v in range(0, height, step):
         for u in range(0, width, step):
             w = inverse_depth[v, u]
-            x, y = (u - cx) / fx, (v - cy) / fy
-            z = T[2, 0] * x + T[2, 1] * y + T[2, 2] + T[2, 3] * w  # times w, as all three
-            if w == 0 or z <= MIN_Z_M * w:
-                continue
-            column = fx * (T[0, 0] * x + T[0, 1] * y + T[0, 2] + T[0, 3] * w) / z + cx
-            row = fy * (T[1, 0] * x + T[1, 1] * y + T[1, 2] + T[1, 3] * w) / z + cy
-            if -0.5 <= column < width - 0.5 and -0.5 <= row < height - 0.5:
-                places[v, u] = int(row + 0.5) * width + int(column + 0.5)
-                expected[v, u] = w / z
+            if w > 0:
+                places[v, u], expected[v, u] = place_of(v, u, w, T, camera, height, width)
     return places, expected
+
+
+@compiled
+def place_of(
+    v: int, u: int, w: float, T: Array, camera: Array, height: int, width: int
+) -> tuple[int, float]:
+    """The block of another view where one with inverse depth w falls, or -1, and w there."""
+    fx, fy, cx, cy = camera
+    x, y = (u - cx) / fx, (v - cy) / fy
+    z = T[2, 0] * x + T[2, 1] * y + T[2, 2] + T[2, 3] * w  # times w, as all three
+    if z <= MIN_Z_M * w:
+        return -1, 0.0
+    column = fx * (T[0, 0] * x + T[0, 1] * y + T[0, 2] + T[0, 3] * w) / z + cx
+    row = fy * (T[1, 0] * x + T[1, 1] * y + T[1, 2] + T[1, 3] * w) / z + cy
+    if not (-0.5 <= column < width - 0.5 and -0.5 <= row < height - 0.5):
+        return -1, 0.0
+    return int(row + 0.5) * width + int(column + 0.5), w / z
 
 
 @compiled

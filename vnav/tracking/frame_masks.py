@@ -187,9 +187,10 @@ class FrameMasks:
             if later is not None and later.moving.any():
                 before, after = self._views_about(known.stamp_s)
                 moved_s = self._mask.carried(known.view, later.masked, after)
-                others = [other.view for other in (*before, *after)]
-                known = self._with(known, np.minimum(known.moved_s, moved_s), others)
-                self._note(known)
+                if (moved_s < known.moved_s).any():
+                    others = [other.view for other in (*before, *after)]
+                    known = self._with(known, np.minimum(known.moved_s, moved_s), others)
+                    self._note(known)
             self._views.replace(known.masked)
             self._known[k] = seen, known
             later = known
