@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from vnav.compiled import compiled
 from vnav.core.arrays import Array, Floats
-from vnav.masking.free_space import FREE, SAME, SIGMAS, place_of, sees_through
+from vnav.masking.free_space import FREE, SAME, SIGMAS, misfit, place_of, sees_through
 from vnav.masking.view import Blocks, MaskedView, PosedView
 
 REACH = 2  # blocks from one that touches another: at an edge there may be no depth
@@ -28,7 +28,8 @@ def with_attached(
     """Times (h, w) of a masked view, with the surfaces that are attached to what moves.
 
     A surface is attached where it touches blocks that move, a view sees through most of these, and
-    no such view sees most of the surface in its place. It moves when the blocks do.
+    no such view sees most of the surface in its place. It moves when the blocks do. Views that do
+    not fit well tell less, as in `count_votes`.
     """
     view, moved_s = masked.view, masked.moved_s
     count, moving = int(view.surfaces.max()) + 1, np.isfinite(moved_s)
@@ -39,10 +40,12 @@ def with_attached(
     beside = _sampled(np.where(is_touched[view.surfaces] & ~moving, view.surfaces, 0))
     has_left, stays = np.zeros((2, count), bool)
     for other in others:
-        left = touching.most(FREE, view, other, sigma_per_m2, margin_m, count)
+        left = touching.most(FREE, view, other, np.sqrt(2) * sigma_per_m2, margin_m, count)
         if left.any():
+            off = max(np.sqrt(2) * sigma_per_m2, misfit(view, other, sigma_per_m2, margin_m))
+            left = touching.most(FREE, view, other, off, margin_m, count)
             has_left |= left
-            stays |= left & beside.most(SAME, view, other, sigma_per_m2, margin_m, count)
+            stays |= left & beside.most(SAME, view, other, off, margin_m, count)
     soonest_s = np.full(count, np.inf, np.float32)
     np.minimum.at(soonest_s, touching.surface, moved_s.ravel()[touching.blocks])
     soonest_s[~is_touched | ~has_left | stays] = np.inf
@@ -61,12 +64,15 @@ class _Asked:
         answer: int,
         view: PosedView,
         other: PosedView,
-        sigma_per_m2: float,
+        sigma: float,
         margin_m: float,
         count: int,
     ) -> Blocks:
-        """Of which surfaces (count,) another view sees most blocks in place, or sees through."""
-        near, noise = other.about(1), SIGMAS * np.sqrt(2) * sigma_per_m2
+        """Of which surfaces (count,) another view sees most blocks in place, or sees through.
+
+        By the margin, and by the standard deviation of the difference of two inverse depths.
+        """
+        near, noise = other.about(1), SIGMAS * sigma
         seen = other.frame.inverse_depth, near.nearest, near.clear
         T = other.T_camera_track @ view.T_track_camera
         votes = _votes(
