@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from vnav.compiled import compiled
 from vnav.core.arrays import Array, Floats
-from vnav.masking.free_space import FREE, SAME, SIGMAS, misfit, place_of, sees_through
+from vnav.masking.free_space import FREE, SAME, SIGMAS, is_in_place, misfit, place_of, sees_through
 from vnav.masking.view import Blocks, MaskedView, PosedView
 
 REACH = 2  # blocks from one that touches another: at an edge there may be no depth
@@ -167,6 +167,6 @@ def _votes(
             continue
         if sees_through(w, nearest_of[place], noise, margin_m):
             votes[FREE, surface[n]] += clear_at[place]
-        elif abs(w - depth_of[place]) < noise + margin_m * w * depth_of[place]:
+        elif is_in_place(w, depth_of[place], noise, margin_m):
             votes[SAME, surface[n]] += 1
     return votes

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from vnav.compiled import compiled
 from vnav.core.arrays import Floats
-from vnav.masking.free_space import SIGMAS, places_in
+from vnav.masking.free_space import SIGMAS, is_in_place, places_in
 from vnav.masking.view import Blocks, MaskedView, PosedView
 
 
@@ -61,8 +61,7 @@ def _drop_unlike(
     for k in range(len(place_of)):
         if place_of[k] < 0:
             continue
-        here, seen = expected_of[k], depth_of[place_of[k]]
-        if seen == 0 or abs(here - seen) >= noise + margin_m * here * seen:
+        if not is_in_place(expected_of[k], depth_of[place_of[k]], noise, margin_m):
             place_of[k] = -1
 
 

@@ -204,3 +204,9 @@ def _add_votes(
 def sees_through(expected: float, nearest: float, noise: float, margin_m: float) -> bool:
     """Whether all about a place, at inverse depths up to ``nearest``, lies beyond a surface."""
     return bool(expected - nearest > noise + margin_m * expected * nearest)
+
+
+@compiled
+def is_in_place(expected: float, seen: float, noise: float, margin_m: float) -> bool:
+    """Whether what is seen at a place is the surface expected there; 0: nothing is seen."""
+    return bool(seen > 0 and abs(expected - seen) < noise + margin_m * expected * seen)
