@@ -17,6 +17,7 @@ from vnav.masking.view import PosedView
 
 APART_S = 0.5  # two views that are compared: they turn differently, and see one place
 MIN_PAIRS, MOST_PAIRS = 6, 24
+EXACT = 1e-6  # per metre: no sensor fits better
 CLEAR = 3.0  # standard errors by which a delay must fit better than none
 
 
@@ -87,9 +88,10 @@ def depth_delay(
     found = []
     for a, b in pairs:
         misfits = np.array([misfit(a.view(d), b.view(d), sigma_per_m2, margin_m) for d in DELAYS])
-        if misfits.any():
+        fits = np.isfinite(misfits)
+        if fits.any():
             # by a delay by which hardly anything fits, it is largest
-            found.append(np.log(np.where(misfits > 0, misfits, misfits.max())))
+            found.append(np.log(np.clip(misfits, EXACT, misfits[fits].max())))
     if len(found) < MIN_PAIRS:
         return NONE
     of_pairs = np.array(found)

@@ -51,15 +51,18 @@ def count_votes(
     farther by more than the noise and the margin: a misalignment of one block changes nothing.
     Where cameras turn, late depth may misalign more blocks, and so many about it must be farther.
     The noise is the sensor's, or more where most surfaces that both see differ by more: then a pose
-    is not exact. Where a view has no depth, where something hides the surface, and beyond the image
-    it has no vote. Views have one camera; none give no votes. With a step, 1 or `COARSE`, only
-    blocks of every so many rows and columns are asked; they have the same votes.
+    is not exact. A view in which hardly a surface is in its place has no vote. None has a vote where
+    it has no depth, where something hides the surface, and beyond the image. Views have one camera;
+    none give no votes. With a step, 1 or `COARSE`, only blocks of every so many rows and columns
+    are asked; they have the same votes.
     """
     votes = np.zeros((2, *view.frame.grey.shape), np.float32)
     sigma = np.sqrt(2) * sigma_per_m2
     for other in others:
         places, expected = places_in(other, view, view.frame.inverse_depth, step)
         noise = _noise(places, expected, other, sigma, margin_m)
+        if noise == np.inf:
+            continue
         weight = min(1.0, (FITS * sigma / noise) ** 2) if noise > 0 else 1.0
         noise = SIGMAS * max(sigma, noise)
         near = other.about(1 + _late_blocks(view, other))
@@ -69,10 +72,11 @@ def count_votes(
 
 
 def misfit(view: PosedView, other: PosedView, sigma_per_m2: float, margin_m: float) -> float:
-    """Standard deviation of two views' inverse depth, where both see one surface; 0 for too few.
+    """Standard deviation of two views' inverse depth, where both see one surface.
 
-    Of most of these surfaces, by the median; of noise, if the poses are right. ``sigma_per_m2`` of
-    either, and the margin, tell what is one surface.
+    Of most of these surfaces, by the median; of noise, if the poses are right. Infinite where they
+    share too few: a pose is wrong, or they do not see one place. ``sigma_per_m2`` of either, and
+    the margin, tell what is one surface.
     """
     places, expected = places_in(other, view, view.frame.inverse_depth, STRIDE)
     return _noise(places, expected, other, np.sqrt(2) * sigma_per_m2, margin_m)
@@ -154,7 +158,7 @@ def _difference(
 ) -> float:
     """Median absolute difference of inverse depth on smooth surfaces that both views see.
 
-    0 where they share too few.
+    Infinite where they share too few.
     """
     height, width = places.shape
     depth_of, nearest_of, farthest_of = inverse_depth.ravel(), nearest.ravel(), farthest.ravel()
@@ -169,7 +173,7 @@ def _difference(
             if nearest_of[place] - farthest_of[place] < tolerance and off < tolerance:
                 off_by[found] = off
                 found += 1
-    return float(np.median(off_by[:found])) if found >= MIN_FITTED else 0.0
+    return float(np.median(off_by[:found])) if found >= MIN_FITTED else np.inf
 
 
 @compiled
