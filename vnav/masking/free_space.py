@@ -51,10 +51,10 @@ def count_votes(
     farther by more than the noise and the margin: a misalignment of one block changes nothing.
     Where cameras turn, late depth may misalign more blocks, and so many about it must be farther.
     The noise is the sensor's, or more where most surfaces that both see differ by more: then a pose
-    is not exact. A view in which hardly a surface is in its place has no vote. None has a vote where
-    it has no depth, where something hides the surface, and beyond the image. Views have one camera;
-    none give no votes. With a step, 1 or `COARSE`, only blocks of every so many rows and columns
-    are asked; they have the same votes.
+    is not exact. A view in which hardly a surface is in its place has no vote. None has a vote
+    where it has no depth, where something hides the surface, and beyond the image. Views have one
+    camera; none give no votes. With a step, 1 or `COARSE`, only blocks of every so many rows and
+    columns are asked; they have the same votes.
     """
     votes = np.zeros((2, *view.frame.grey.shape), np.float32)
     sigma = np.sqrt(2) * sigma_per_m2
