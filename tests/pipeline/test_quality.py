@@ -77,11 +77,11 @@ def test_edges_between_neighbours_are_no_loops(folder: MapFolder, altering: Alte
     assert assess(folder, CONFIG).values["loops"] == 0
 
 
-def move_aside(folder: MapFolder, altering: Altering, rows: slice) -> None:
-    """Some of the map's frames are moved aside."""
+def move_aside(folder: MapFolder, altering: Altering, rows: slice, metres: float = 0.3) -> None:
+    """Some of the map's frames are moved aside, in x and in y."""
     result = load_optimised(folder)
     poses = result.T_world_camera.copy()
-    poses[rows, :2, 3] += 0.3
+    poses[rows, :2, 3] += metres
     with altering(folder, "optimise") as draft:
         save_optimised(draft, dataclasses.replace(result, T_world_camera=poses))
 
@@ -152,6 +152,18 @@ def test_a_step_that_does_not_fit_the_images_makes_a_map_doubtful(
     where = f"within frames {rows[-2]} to {rows[-1]};"
     assert any(f"{of}, {where}" in doubt for doubt in doubts)
     assert all("record" in doubt for doubt in doubts)
+
+
+def test_a_motion_that_is_faster_than_a_camera_is_carried_makes_a_map_doubtful(
+    folder: MapFolder, altering: Altering
+) -> None:
+    row = load_odometry(folder).keyframe_rows[-1]
+    move_aside(folder, altering, slice(row, None), 3.0)
+
+    quality = assess(folder, CONFIG)
+
+    assert quality.values["jumps"] == 1
+    assert any(f"carried, within frames {row - 1} to {row};" in doubt for doubt in quality.doubts)
 
 
 def test_doubts_about_given_poses_say_how_to_adjust_them(

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from vnav.checking.jumps import jumps
 from vnav.checking.motions import contradicting_loops, unborne_steps
 from vnav.config import Config
 from vnav.core.arrays import Array, evenly
@@ -66,34 +67,30 @@ class Quality:
     def line(self) -> str:
         """The verdict for a person."""
         if self.doubts:
-            return f"doubtful, for {len(self.doubts)} of 5 reasons"
+            return f"doubtful, for {len(self.doubts)} of 6 reasons"
         return f"good: {self.values['agreement']}"
 
 
 def assess(folder: MapFolder, config: Config) -> Quality:
-    """The verdict on a finished map, by its revisits, loops, steps, motions and cameras."""
+    """The verdict on a finished map, by its revisits, loops, steps, motions, speed and cameras."""
     odometry, solved = load_odometry(folder), load_optimised(folder)
     poses, delay_s = solved.T_world_camera, solved.depth_delay_s
-    rows, registration = odometry.keyframe_rows, config.registration
     optimised, cameras = folder.report("optimise").get("values", {}), map_cameras(folder)
     sensor = _sensor(folder, odometry, poses, cameras, config)
-
-    @cache
-    def seen(row: int) -> ReducedFrame:
-        frame = load_keyframe(folder, row, odometry.frames)
-        return reduced(frame).moving(sensor.cameras[row].twist)
-
+    seen = _seen(folder, odometry, sensor)
     revisits = find_revisits(odometry, poses, delay_s, cameras, seen, config)
     loops, rejected = _loops(folder)
-    posed = int(np.isfinite(poses[:, 0, 0]).sum())
     against = _against(rejected, poses, seen, sensor, _sensor_errors(optimised, len(cameras)))
-    unborne = unborne_steps(rows, odometry.motions, poses, seen, registration)
+    steps = odometry.keyframe_rows, odometry.motions
+    unborne = unborne_steps(*steps, poses, seen, config.registration)
     unsure, wrong = unsure_rows(odometry), _wrong_fits(optimised)
+    jumped, posed = jumps(odometry.frames, poses), int(np.isfinite(poses[:, 0, 0]).sum())
     told = (
         _disagreement(revisits, odometry),
         _contradiction(against, odometry),
         _unborne(unborne, odometry),
         _uncertainty(unsure, loops, odometry),
+        _jumping(jumped, odometry),
         _wrong_cameras(wrong),
     )
     doubts = tuple(filter(None, told))
@@ -108,6 +105,7 @@ def assess(folder: MapFolder, config: Config) -> Quality:
         "loops_contradicting": len(against),
         "steps_unborne": len(unborne),
         "motions_unsure": len(unsure),
+        "jumps": len(jumped),
         "cameras_wrong": len(wrong),
     }
     return Quality(doubts, values)
@@ -150,6 +148,17 @@ def _sensor(
         return near_depth(load_keyframe_depth(folder, row), config)
 
     return MovingSensor.along(T_world_camera, odometry, cameras, depth_of, config.registration)
+
+
+def _seen(folder: MapFolder, odometry: Odometry, sensor: MovingSensor) -> Seen:
+    """The keyframes by their rows, each with the twist of its camera."""
+
+    @cache
+    def seen(row: int) -> ReducedFrame:
+        frame = load_keyframe(folder, row, odometry.frames)
+        return reduced(frame).moving(sensor.cameras[row].twist)
+
+    return seen
 
 
 def _sensor_errors(optimised: dict[str, Any], captures: int) -> list[SensorErrors]:
@@ -242,6 +251,18 @@ def _uncertainty(unsure: NDArray[np.intp], loops: Sequence[Edge], odometry: Odom
         f"the motion of {len(unsure)} frames is in doubt, within"
         f" {odometry.frames.rows_text(unsure)}; what repeats or moves filled the view: record with"
         " more of what stands still and is unique"
+    )
+
+
+def _jumping(jumped: Sequence[tuple[int, int]], odometry: Odometry) -> str:
+    if not jumped:
+        return ""
+    mistaken = (
+        "the track is wrong there, by what moved or repeated: record with more of what stands still"
+    )
+    return (
+        f"{len(jumped)} motions from frame to frame are faster than a camera is carried, within"
+        f" {_within(jumped, odometry)}; {_advice(odometry, mistaken)}"
     )
 
 
