@@ -29,6 +29,13 @@ def test_the_twist_is_found_between_frames_and_at_the_ends() -> None:
     np.testing.assert_allclose(found[[0, -1]], np.tile(TWIST, (2, 1)), atol=0.02)
 
 
+def test_the_twist_is_found_at_four_frames_a_second() -> None:
+    stamps_s = 0.25 * np.arange(COUNT)
+    found = velocities(poses(stamps_s), frames(stamps_s))
+    # Two steps err by a sixth of the square of a step's turn, 0.22 rad.
+    np.testing.assert_allclose(found[1:-1], np.tile(TWIST, (COUNT - 2, 1)), atol=0.01)
+
+
 def test_a_frame_that_is_lost_tells_nothing_of_its_neighbours() -> None:
     T = poses(STAMPS_S)
     T[4] = np.nan
