@@ -7,7 +7,7 @@ from vnav.core import se3
 from vnav.core.arrays import Array
 from vnav.core.mapping import FrameTable
 
-REACH_S = 0.26  # of a frame beside, as at 4 Hz; one farther off tells nothing of the moment
+REACH_S = 0.35  # of a frame beside, as at 3 Hz; one farther off tells nothing of the moment
 
 
 def velocities(T_world_camera: Array, frames: FrameTable) -> Array:
