@@ -97,11 +97,15 @@ def test_what_others_see_as_near_as_they_fit_is_not_seen_through() -> None:
     assert (votes.free == 0).all()
 
 
-def test_a_view_at_a_wrong_pose_sees_through_nothing() -> None:
+def test_a_view_at_a_wrong_pose_has_no_vote_where_most_have() -> None:
     """Half a metre nearer it expects the wall half a metre before where it sees it."""
     view, other = views(0.0, 0.0)
-    votes = count_votes(view, [replace(other, T_track_camera=ahead(0.5))], SIGMA, MARGIN_M)
-    assert (votes.free == 0).all()
+    astray = replace(other, T_track_camera=ahead(0.5))
+    alone, among_others = (
+        count_votes(view, others, SIGMA, MARGIN_M) for others in ([astray], [astray, other, other])
+    )
+    assert (alone.free > 0).mean() > 0.5
+    assert (among_others.free == 0).all()
 
 
 def test_what_is_hidden_has_no_vote() -> None:

@@ -51,23 +51,25 @@ def count_votes(
     farther by more than the noise and the margin: a misalignment of one block changes nothing.
     Where cameras turn, late depth may misalign more blocks, and so many about it must be farther.
     The noise is the sensor's, or more where most surfaces that both see differ by more: then a pose
-    is not exact. A view in which hardly a surface is in its place has no vote. None has a vote
-    where it has no depth, where something hides the surface, and beyond the image. Views have one
-    camera; none give no votes. With a step, 1 or `COARSE`, only blocks of every so many rows and
-    columns are asked; they have the same votes.
+    is not exact. A view in which hardly a surface is in its place has no vote where most have:
+    its pose is wrong. None has a vote where it has no depth, where something hides the surface, and
+    beyond the image. Views have one camera; none give no votes. With a step, 1 or `COARSE`, only
+    blocks of every so many rows and columns are asked; they have the same votes.
     """
     votes = np.zeros((2, *view.frame.grey.shape), np.float32)
     sigma = np.sqrt(2) * sigma_per_m2
-    for other in others:
-        places, expected = places_in(other, view, view.frame.inverse_depth, step)
-        noise = _noise(places, expected, other, sigma, margin_m)
-        if noise == np.inf:
-            continue
+    fallen = [places_in(other, view, view.frame.inverse_depth, step) for other in others]
+    noises = np.array(
+        [_noise(*at, other, sigma, margin_m) for at, other in zip(fallen, others, strict=True)]
+    )
+    unknown = np.isinf(noises)
+    if 2 * unknown.sum() > len(others):  # then it is the view's own pose
+        noises[unknown], unknown = 0.0, np.zeros(len(others), bool)
+    for k in np.flatnonzero(~unknown).tolist():
+        noise, near = float(noises[k]), others[k].about(1 + _late_blocks(view, others[k]))
         weight = min(1.0, (FITS * sigma / noise) ** 2) if noise > 0 else 1.0
-        noise = SIGMAS * max(sigma, noise)
-        near = other.about(1 + _late_blocks(view, other))
-        asked = near.nearest, near.farthest, near.clear
-        _add_votes(votes, weight, places, expected, *asked, noise, margin_m, step)
+        asked, noise = (near.nearest, near.farthest, near.clear), SIGMAS * max(sigma, noise)
+        _add_votes(votes, weight, *fallen[k], *asked, noise, margin_m, step)
     return Votes(votes[SAME], votes[FREE])
 
 

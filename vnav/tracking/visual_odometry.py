@@ -127,13 +127,16 @@ class VisualOdometry:
     def _borne_out(self, moving_share: NDArray[np.float32]) -> list[Edge]:
         """The edges that the images do not refute; a frame that has no other is lost.
 
-        Two frames of which too much moves for a mask tell the motion of that.
+        Two frames of which too much moves for a mask tell the motion of that. A lost frame holds
+        those after it only where nothing else does.
         """
-        found, unmasked = [], np.isnan(moving_share)
+        found, lost, unmasked = [], set(), np.isnan(moving_share)
         for row, edges in self._edges.items():
             likely = [e for e in edges if e.probability >= REFUTED]
             kept = [e for e in likely if not (unmasked[e.i] and unmasked[e.j])]
+            kept = [e for e in kept if e.i not in lost] or kept
             if edges and not kept:
+                lost.add(row)
                 self._reasons[row] = TOO_MUCH if likely else "the images refute its motion"
             found += kept
         return found
