@@ -68,8 +68,9 @@ def count_votes(
     for k in np.flatnonzero(~unknown).tolist():
         noise, near = float(noises[k]), others[k].about(1 + _late_blocks(view, others[k]))
         weight = min(1.0, (FITS * sigma / noise) ** 2) if noise > 0 else 1.0
-        asked, noise = (near.nearest, near.farthest, near.clear), SIGMAS * max(sigma, noise)
-        _add_votes(votes, weight, *fallen[k], *asked, noise, margin_m, step)
+        (places, expected), noise = fallen[k], SIGMAS * max(sigma, noise)
+        asked = near.nearest, near.farthest, near.clear
+        _add_votes(votes, weight, places, expected, *asked, noise, margin_m, step)
     return Votes(votes[SAME], votes[FREE])
 
 
