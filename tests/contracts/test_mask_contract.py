@@ -68,7 +68,7 @@ def test_where_nothing_moves_nothing_is_masked(config: Config, box_m: float | No
 
 
 def test_a_frame_whose_given_pose_is_wrong_masks_nothing(config: Config) -> None:
-    """Poses from elsewhere may jump. What the frame sees is half a metre beside where it is."""
+    """Poses from elsewhere may jump: this one is half a metre nearer to the wall than it was."""
     still = walk(SECONDS, lambda _: 0.2)
     still.poses[30][2, 3] += 0.5
     assert all_masks(still, config)[1].shares(len(still.frames)).max() < 0.01

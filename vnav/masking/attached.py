@@ -39,10 +39,11 @@ def with_attached(
         return moved_s
     beside = _sampled(np.where(is_touched[view.surfaces] & ~moving, view.surfaces, 0))
     has_left, stays = np.zeros((2, count), bool)
+    sigma = float(np.sqrt(2)) * sigma_per_m2
     for other in others:
-        left = touching.most(FREE, view, other, np.sqrt(2) * sigma_per_m2, margin_m, count)
+        left = touching.most(FREE, view, other, sigma, margin_m, count)
         if left.any():
-            off = max(np.sqrt(2) * sigma_per_m2, misfit(view, other, sigma_per_m2, margin_m))
+            off = max(sigma, misfit(view, other, sigma_per_m2, margin_m))
             left = touching.most(FREE, view, other, off, margin_m, count)
             has_left |= left
             stays |= left & beside.most(SAME, view, other, off, margin_m, count)

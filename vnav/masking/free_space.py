@@ -59,18 +59,17 @@ def count_votes(
     votes = np.zeros((2, *view.frame.grey.shape), np.float32)
     sigma = np.sqrt(2) * sigma_per_m2
     fallen = [places_in(other, view, view.frame.inverse_depth, step) for other in others]
-    noises = np.array(
-        [_noise(*at, other, sigma, margin_m) for at, other in zip(fallen, others, strict=True)]
-    )
-    unknown = np.isinf(noises)
-    if 2 * unknown.sum() > len(others):  # then it is the view's own pose
-        noises[unknown], unknown = 0.0, np.zeros(len(others), bool)
-    for k in np.flatnonzero(~unknown).tolist():
-        noise, near = float(noises[k]), others[k].about(1 + _late_blocks(view, others[k]))
-        weight = min(1.0, (FITS * sigma / noise) ** 2) if noise > 0 else 1.0
-        (places, expected), noise = fallen[k], SIGMAS * max(sigma, noise)
-        asked = near.nearest, near.farthest, near.clear
-        _add_votes(votes, weight, places, expected, *asked, noise, margin_m, step)
+    noises = [_noise(*at, o, sigma, margin_m) for at, o in zip(fallen, others, strict=True)]
+    fits = np.isfinite(noises)
+    most_fit = 2 * fits.sum() >= len(others)  # otherwise it is the view's own pose that is wrong
+    for k in range(len(others)):
+        if most_fit and not fits[k]:
+            continue
+        noise = max(sigma, noises[k]) if fits[k] else sigma
+        weight = min(1.0, (FITS * sigma / noise) ** 2)
+        near = others[k].about(1 + _late_blocks(view, others[k]))
+        asked = *fallen[k], near.nearest, near.farthest, near.clear
+        _add_votes(votes, weight, *asked, SIGMAS * noise, margin_m, step)
     return Votes(votes[SAME], votes[FREE])
 
 

@@ -75,14 +75,14 @@ def assess(folder: MapFolder, config: Config) -> Quality:
     """The verdict on a finished map, by its revisits, loops, steps, motions, speed and cameras."""
     odometry, solved = load_odometry(folder), load_optimised(folder)
     poses, delay_s = solved.T_world_camera, solved.depth_delay_s
+    rows, registration = odometry.keyframe_rows, config.registration
     optimised, cameras = folder.report("optimise").get("values", {}), map_cameras(folder)
     sensor = _sensor(folder, odometry, poses, cameras, config)
     seen = _seen(folder, odometry, sensor)
     revisits = find_revisits(odometry, poses, delay_s, cameras, seen, config)
     loops, rejected = _loops(folder)
     against = _against(rejected, poses, seen, sensor, _sensor_errors(optimised, len(cameras)))
-    steps = odometry.keyframe_rows, odometry.motions
-    unborne = unborne_steps(*steps, poses, seen, config.registration)
+    unborne = unborne_steps(rows, odometry.motions, poses, seen, registration)
     unsure, wrong = unsure_rows(odometry), _wrong_fits(optimised)
     jumped, posed = jumps(odometry.frames, poses), int(np.isfinite(poses[:, 0, 0]).sum())
     told = (
