@@ -17,7 +17,7 @@ from vnav.core.frame import Edge, Features
 from vnav.core.graph import chain
 from vnav.core.mapping import LOST, FrameFeatures, FrameTable, Odometry
 from vnav.features.sift import SPACE
-from vnav.optimisation.contradictions import contradictions
+from vnav.optimisation.contradictions import Contradiction, contradictions
 from vnav.optimisation.cycles import noise_factor, suspects
 from vnav.optimisation.mending import CUT, LEFT_OUT, REGISTERED_AGAIN, Mend, mend
 from vnav.optimisation.robust_graph import robust_pose_graph
@@ -194,6 +194,19 @@ def test_a_stretch_registered_again_brings_its_closures_back() -> None:
     assert robust.graph.kept.all()
     assert robust.mends == (Mend(44, 48, REGISTERED_AGAIN, 3),)
     assert any(e is again for e in robust.odometry.edges)
+
+
+def test_a_stretch_is_cut_before_the_frame_whose_motion_is_least_likely() -> None:
+    T, rng = walk(2 * LAP), np.random.default_rng(5)
+    odometry = walked(T)
+    edges = [dataclasses.replace(e, probability=0.4 if e.j == 46 else 1) for e in odometry.edges]
+    stretch = Contradiction(44, 48, se3.inverse(T[44]) @ T[48], 3)
+    mended = mend(
+        of_edges(edges, len(T)), [Correction(stretch, None)], near_closures(T, rng), CONFIG
+    )
+    segment = mended.odometry.segment
+    assert len(set(segment[:46])) == len(set(segment[46:])) == 1
+    assert segment[45] != segment[46]
 
 
 def test_odometry_that_its_pixels_bear_out_stays_against_any_number_of_closures() -> None:

@@ -97,3 +97,20 @@ def test_where_keyframes_nearly_tell_the_frames_between_decide(
     found = look.correct(dataclasses.replace(right, T_i_j=wrong.T_i_j), right.T_i_j)
     assert (found is None) == stays
     assert stays or found.edge is None
+
+
+@pytest.mark.parametrize(("probability", "stays"), [(0.6, True), (0.4, False)])
+def test_a_motion_that_odometry_itself_doubts_is_cut_where_closures_contradict_it(
+    odometry: Odometry,
+    look: SecondLook,
+    right: Contradiction,
+    probability: float,
+    stays: bool,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    edges = tuple(dataclasses.replace(e, probability=probability) for e in odometry.edges)
+    monkeypatch.setattr(look, "_odometry", dataclasses.replace(odometry, edges=edges))
+    monkeypatch.setattr(look, "_other_motion", lambda _: None)  # a thing fills the keyframes
+    found = look.correct(right, right.T_i_j @ SHIFT)
+    assert (found is None) == stays
+    assert stays or found.edge is None

@@ -1,6 +1,6 @@
 """Stretches of odometry that closures contradict: more agree on another motion than on this one."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from vnav.core import se3
 from vnav.core.arrays import Array
 from vnav.core.frame import Edge
-from vnav.core.graph import ends_of
+from vnav.core.graph import best_into, ends_of
 from vnav.core.mapping import Odometry
 from vnav.optimisation.segments import same_pose
 
@@ -25,6 +25,15 @@ class Contradiction:
     j: int
     T_i_j: Array
     closures: int
+
+    def weakest(self, edges: Iterable[Edge]) -> tuple[float, int]:
+        """Of the frames after i to j: the one that edges within most likely got wrong.
+
+        The probability of the likeliest edge into it, and its row; of equals the last.
+        """
+        into = best_into(e for e in edges if self.i <= e.i and e.j <= self.j)
+        p, row = min(((p, -row) for row, p in into.items()), default=(0.5, -self.j))
+        return p, -row
 
 
 def contradictions(

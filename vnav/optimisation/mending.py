@@ -13,7 +13,6 @@ from vnav.core.frame import Edge
 from vnav.core.graph import chain
 from vnav.core.mapping import LOST, Odometry
 from vnav.optimisation.contested import agreement
-from vnav.optimisation.contradictions import Contradiction
 from vnav.optimisation.cycles import noise_factor, suspects
 from vnav.optimisation.gaps import find_gaps, right_edge
 from vnav.optimisation.second_look import Correction, SecondLook
@@ -72,20 +71,21 @@ def mend(
 
 
 def _corrected(odometry: Odometry, corrections: Sequence[Correction]) -> Odometry:
-    """Odometry whose edges across each stretch are replaced by the correction's, if it has one."""
+    """Odometry cut at each stretch's weakest frame, and joined by the correction's edge, if any."""
     if not corrections:
         return odometry
     edges, degenerate = odometry.edges, odometry.degenerate_edges
     for c in corrections:
+        _, row = c.stretch.weakest(odometry.edges)
         new = () if c.edge is None else (c.edge,)
-        edges = (*(e for e in edges if not _is_across(e, c.stretch)), *new)
-        degenerate = tuple(e for e in degenerate if not _is_across(e, c.stretch))
+        edges = (*(e for e in edges if not _is_across(e, row)), *new)
+        degenerate = tuple(e for e in degenerate if not _is_across(e, row))
     return dataclasses.replace(with_edges(odometry, edges), degenerate_edges=degenerate)
 
 
-def _is_across(edge: Edge, stretch: Contradiction) -> bool:
-    """Whether an edge leads from before a stretch's end to there or beyond."""
-    return min(edge.i, edge.j) < stretch.j <= max(edge.i, edge.j)
+def _is_across(edge: Edge, row: int) -> bool:
+    """Whether an edge leads from before a frame to it or beyond."""
+    return min(edge.i, edge.j) < row <= max(edge.i, edge.j)
 
 
 def _mend_of(correction: Correction) -> Mend:

@@ -13,7 +13,6 @@ from vnav.core.arrays import Array, evenly
 from vnav.core.camera import Intrinsics
 from vnav.core.camera_motion import velocities
 from vnav.core.frame import Edge, Frame, PoseEstimate, Rejected
-from vnav.core.graph import best_into
 from vnav.core.mapping import LOST, Odometry
 from vnav.core.reduced_frame import ReducedFrame
 from vnav.core.view_overlap import view_overlap
@@ -61,16 +60,19 @@ class SecondLook:
 
         An edge near the motion that closures imply, where the pixels bear it out and odometry not;
         nothing where these cannot tell the two. What the pixels of the frames between said of
-        odometry's edges counts, too. However many closures there are, pixels that bear odometry out
-        keep it: closures that are wrong together have one common cause.
+        odometry's edges counts, too: where the keyframes show no other motion, it decides alone.
+        However many closures there are, pixels that bear odometry out keep it: closures that are
+        wrong together have one common cause.
         """
-        edge = self._other_motion(stretch)
-        if edge is None or not are_wrong(se3.inverse(T_i_j) @ edge.T_i_j):
+        edge, before = self._other_motion(stretch), self._log_odds_before(stretch)
+        if edge is None:
+            return Correction(stretch, None) if before < 0 else None
+        if not are_wrong(se3.inverse(T_i_j) @ edge.T_i_j):
             return None
         log_odds = self.log_odds(stretch.i, stretch.j, [T_i_j, edge.T_i_j])
         if not _is_near(edge, stretch) or log_odds[1, -1] < CLEAR:
-            return Correction(stretch, None) if log_odds[0, -1] < -CLEAR else None
-        in_favour = log_odds[0, 1] + self._log_odds_before(stretch)
+            return Correction(stretch, None) if before < 0 or log_odds[0, -1] < -CLEAR else None
+        in_favour = log_odds[0, 1] + before
         if in_favour > CLEAR:
             return None
         return Correction(stretch, edge if in_favour < -CLEAR else None)
@@ -101,9 +103,7 @@ class SecondLook:
 
     def _log_odds_before(self, stretch: Contradiction) -> float:
         """Of odometry's motion across a stretch, by the least probable of its frames' edges."""
-        edges = self._odometry.edges
-        into = best_into(e for e in edges if stretch.i <= e.i and e.j <= stretch.j)
-        p = np.clip(min(into.values(), default=0.5), 1 - SURE, SURE)
+        p = np.clip(stretch.weakest(self._odometry.edges)[0], 1 - SURE, SURE)
         return float(np.log(p / (1 - p)))
 
     def revisits(self, poses: Array, depth_delay_s: Array) -> Revisits:
