@@ -26,23 +26,60 @@ def poll(
 ) -> tuple[Array, Array]:
     """Sums of the votes between H hypotheses (H, H), and the variance of these sums.
 
-    ``told`` (H, N): log-likelihood of each pixel under each, NaN where it says nothing; two are
-    compared by the pixels that say something of both. ``cells`` (N,): which cell a pixel is in, a
-    number into ``inverse_depth`` (R, C), 0 where unknown. A pixel counts ``weight``; a cell is
-    wrong with the probability ``wrong``, however sure its pixels are.
+    ``told`` (H, N): log-likelihood of each pixel under each, over chance, NaN where it says
+    nothing; the last is chance itself. ``cells`` (N,): which cell a pixel is in, a number into
+    ``inverse_depth`` (R, C), 0 where unknown. A pixel counts ``weight``; a cell is wrong with the
+    probability ``wrong``, however sure its pixels are.
     """
     size, least = len(told), DECIDED * np.log((1 - wrong) / wrong)
     favour, variance = np.zeros((size, size)), np.zeros((size, size))
+    sums, seen = _of_each(told, cells, inverse_depth.size, weight)
     for i in range(size):
         for j in range(i):
             total, known = _totals(told[i] - told[j], cells, inverse_depth.size, weight)
             vote = _votes(total, wrong)
+            if i < size - 1:  # chance sees nothing of its own
+                _add_seen_by_one(vote, known, sums[i], sums[j], seen[i] != seen[j], wrong)
             speaks = np.abs(vote) >= least
             weighted = vote * _represented(speaks, known, inverse_depth)
             favour[i, j] = weighted.sum()
             variance[i, j] = (weighted**2).sum() * (1 + 1 / max(speaks.sum(), 1))
             favour[j, i], variance[j, i] = -favour[i, j], variance[i, j]
     return favour, variance
+
+
+@compiled
+def _add_seen_by_one(
+    vote: Array,
+    known: NDArray[np.bool_],
+    one: Array,
+    other: Array,
+    by_one: NDArray[np.bool_],
+    wrong: float,
+) -> None:
+    """Add, in place, the votes of cells that say something of one of two hypotheses alone.
+
+    Only where these are more than those that say something of both: motions far apart see little of
+    the same, which may be a thing that moves. What looks alike under both, as what repeats, tells
+    nothing of either; so such a cell counts for the share of the others that does not.
+    ``one`` and ``other`` (R * C,): what cells say of each; ``by_one``: which say it of one alone.
+    """
+    if by_one.sum() <= known.sum():
+        return
+    alike = (known & (one > 0) & (other > 0)).sum() / max(known.sum(), 1)
+    vote[by_one] = (1 - alike) * _votes(one - other, wrong)[by_one]
+    known |= by_one
+
+
+@compiled
+def _of_each(
+    told: Array, cells: NDArray[np.int64], count: int, weight: float
+) -> tuple[Array, NDArray[np.bool_]]:
+    """What the cells say of each hypothesis (H, count), and of which they say anything."""
+    sums, seen = np.zeros((len(told), count)), np.zeros((len(told), count), np.bool_)
+    for k in range(len(told)):
+        sums[k], seen[k] = _totals(told[k], cells, count, weight)
+    return sums, seen
 
 
 @compiled

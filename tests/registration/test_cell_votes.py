@@ -1,0 +1,44 @@
+"""What cells say of two motions that see little of the same, as votes by hand."""
+
+import numpy as np
+import pytest
+
+from vnav.core.arrays import Array
+from vnav.registration.cell_votes import poll
+from vnav.registration.judge import CELLS, WRONG
+
+FITS, MISFITS, SILENT = 3.0, -3.0, np.nan  # log-likelihoods of a pixel, over chance
+CELL = np.arange(CELLS[0] * CELLS[1])  # a pixel each
+THING, ROOM = len(CELL) // 8 > CELL, len(CELL) // 4 <= CELL
+
+
+def votes(right: Array, wrong: Array) -> tuple[float, float]:
+    """For one of two motions over the other, and the standard deviation."""
+    told = np.stack([right, wrong, np.zeros(len(CELL))])
+    favour, variance = poll(told, CELL, np.full(CELLS, 0.5), 1.0, WRONG)
+    return float(favour[0, 1]), float(np.sqrt(variance[0, 1]))
+
+
+def test_a_room_that_one_of_two_motions_meets_outweighs_a_thing_that_both_see() -> None:
+    favour, sigma = votes(
+        np.select([THING, ROOM], [MISFITS, FITS], SILENT), np.where(THING, FITS, SILENT)
+    )
+    assert favour > 3 * sigma
+
+
+def test_a_room_that_looks_otherwise_counts_against_the_motion_that_alone_meets_it() -> None:
+    favour, sigma = votes(
+        np.where(THING, MISFITS, SILENT), np.select([THING, ROOM], [FITS, MISFITS], SILENT)
+    )
+    assert favour > 3 * sigma
+
+
+def test_what_looks_alike_under_both_motions_tells_nothing_where_one_alone_meets_it() -> None:
+    both = np.where(THING, FITS, SILENT)
+    assert votes(np.where(ROOM, FITS, both), both) == (0, 0)
+
+
+@pytest.mark.parametrize("told", [FITS, MISFITS])
+def test_cells_that_one_motion_meets_alone_count_only_where_they_are_the_more(told: float) -> None:
+    right, wrong = np.where(ROOM, FITS, SILENT), np.where(ROOM, MISFITS, SILENT)
+    assert votes(np.where(THING, told, right), wrong) == votes(right, wrong)
