@@ -19,7 +19,7 @@ from vnav.core.mapping import LOST, FrameFeatures, FrameTable, Odometry
 from vnav.features.sift import SPACE
 from vnav.optimisation.contradictions import Contradiction, contradictions
 from vnav.optimisation.cycles import noise_factor, suspects
-from vnav.optimisation.mending import CUT, LEFT_OUT, REGISTERED_AGAIN, Mend, mend
+from vnav.optimisation.mending import CUT, LEFT_OUT, REGISTERED_AGAIN, TOO_FAST, Mend, mend
 from vnav.optimisation.robust_graph import robust_pose_graph
 from vnav.optimisation.second_look import Correction
 from vnav.synthetic.circle import LAP, edge, walk
@@ -223,3 +223,21 @@ def test_odometry_that_its_pixels_bear_out_stays_against_any_number_of_closures(
     assert look.asked > 0
     assert robust.graph.kept.tolist() == [True] * len(true) + [False] * 40
     assert robust.odometry is odometry
+
+
+@pytest.mark.parametrize("closed", [False, True])
+def test_frames_that_jump_away_and_back_are_left_out_with_their_closures(closed: bool) -> None:
+    T, true = walk(2 * LAP), walk(2 * LAP)
+    away = slice(46, 50)  # with keyframe 48
+    T[away] = se3.make(np.eye(3), [0, 3.0, 0]) @ T[away]
+    closures = near_closures(T if closed else true, np.random.default_rng(7))
+    robust = robust_pose_graph(walked(T), closures, CONFIG, None)
+    assert robust.mends[0] == Mend(46, 49, TOO_FAST)
+    assert {robust.odometry.reasons[row] for row in (46, 47, 49)} == {TOO_FAST}
+    pairs = zip(closures, robust.graph.kept, strict=True)
+    assert not any(kept and 48 in (e.i, e.j) for e, kept in pairs)
+    around = np.delete(np.arange(len(T)), away)
+    assert len(set(robust.part[around])) == 1
+    off = se3.inverse(robust.graph.T_world_camera[44]) @ robust.graph.T_world_camera[52]
+    error = se3.inverse(se3.inverse(true[44]) @ true[52]) @ off
+    assert np.linalg.norm(error[:3, 3]) < 0.05

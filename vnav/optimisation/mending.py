@@ -18,6 +18,7 @@ from vnav.optimisation.gaps import find_gaps, right_edge
 from vnav.optimisation.second_look import Correction, SecondLook
 
 REASON = "its edges contradict each other"
+TOO_FAST = "its motion is faster than a camera is carried"
 LEFT_OUT, REGISTERED_AGAIN, CUT = "left out", "registered again", "cut"
 
 
@@ -26,7 +27,8 @@ class Mend:
     """Frames ``first`` to ``last``, by row, that have edges which contradict others.
 
     ``how``: `LEFT_OUT` where other edges hold the frames, `REGISTERED_AGAIN` where a new one does,
-    `CUT` where none does. ``closures``: that contradict them, 0 where other edges alone do.
+    `CUT` where none does. ``closures``: that contradict them, 0 where other edges alone do, or what
+    a camera can do: `TOO_FAST`.
     """
 
     first: int
@@ -109,13 +111,30 @@ def _alternatives(odometry: Odometry, suspect: NDArray[np.bool_]) -> list[Edge]:
     return [e for e in odometry.alternatives if (e.i, e.j) in ends]
 
 
-def with_edges(odometry: Odometry, edges: Sequence[Edge]) -> Odometry:
+def too_fast(rows: NDArray[np.intp]) -> list[Mend]:
+    """Of frames that are left out because they jump."""
+    runs = np.split(rows, np.flatnonzero(np.diff(rows) > 1) + 1)
+    return [Mend(int(run[0]), int(run[-1]), TOO_FAST) for run in runs]
+
+
+def without(odometry: Odometry, rows: NDArray[np.intp], reason: str) -> Odometry:
+    """Odometry without any edge of these frames, which are lost for a reason."""
+    left_out = set(rows.tolist())
+    edges, degenerate = (
+        tuple(e for e in edges if not {e.i, e.j} & left_out)
+        for edges in (odometry.edges, odometry.degenerate_edges)
+    )
+    fewer = with_edges(odometry, edges, reason)
+    return dataclasses.replace(fewer, degenerate_edges=degenerate)
+
+
+def with_edges(odometry: Odometry, edges: Sequence[Edge], reason: str = REASON) -> Odometry:
     """Odometry of these edges alone, its segments and poses by them; frames they miss are lost."""
     rows = odometry.keyframe_rows.tolist()
     poses, segment = chain(len(odometry.frames), edges, rows)
     edges = tuple(e for e in edges if segment[e.i] != LOST)
     cut = (segment == LOST) & (odometry.segment != LOST)
-    reasons = tuple(REASON if c else r for c, r in zip(cut, odometry.reasons, strict=True))
+    reasons = tuple(reason if c else r for c, r in zip(cut, odometry.reasons, strict=True))
     return dataclasses.replace(
         odometry, T_segment_camera=poses, segment=segment, reasons=reasons, edges=edges
     )

@@ -13,10 +13,11 @@ from vnav.core import se3
 from vnav.core.arrays import Array
 from vnav.core.frame import Edge
 from vnav.core.graph import ends_of
+from vnav.core.jumps import between_jumps
 from vnav.core.mapping import Odometry
 from vnav.optimisation import pose_graph
 from vnav.optimisation.contradictions import contradictions
-from vnav.optimisation.mending import Mend, Mended, mend
+from vnav.optimisation.mending import TOO_FAST, Mend, Mended, mend, too_fast, without
 from vnav.optimisation.pose_graph import PoseGraph
 from vnav.optimisation.second_look import Correction, SecondLook
 from vnav.optimisation.segments import Inside, align_segments, same_pose
@@ -38,8 +39,26 @@ def robust_pose_graph(
     """Odometry mended where it contradicts itself or many closures, and the closures that agree.
 
     Where closures contradict a stretch, its keyframes are looked at again; without that, odometry
-    stays as it is there. Closures that are kept lie within one part.
+    stays as it is there. Frames between jumps are lost: no camera has moved like that. Closures
+    that are kept lie within one part.
     """
+    robust = _held_against(odometry, closures, config, look)
+    rows = between_jumps(odometry.frames, robust.graph.T_world_camera, robust.part)
+    if not len(rows):
+        return robust
+    asked = np.flatnonzero(~np.isin(ends_of(closures), rows).any(1))
+    fewer = without(odometry, rows, TOO_FAST), [closures[n] for n in asked.tolist()]
+    steady = robust_pose_graph(*fewer, config, look)
+    kept, sigmas = np.zeros(len(closures), np.bool_), np.full(len(closures), np.inf)
+    kept[asked], sigmas[asked] = steady.graph.kept, steady.graph.closure_sigmas
+    graph = dataclasses.replace(steady.graph, kept=kept, closure_sigmas=sigmas)
+    return dataclasses.replace(steady, graph=graph, mends=(*too_fast(rows), *steady.mends))
+
+
+def _held_against(
+    odometry: Odometry, closures: Sequence[Edge], config: OptimiseConfig, look: SecondLook | None
+) -> RobustGraph:
+    """Odometry as its own edges, closures and keyframes correct it, and the closures that agree."""
     corrections: list[Correction] = []
     while True:
         mended = mend(odometry, corrections, closures, config, look)

@@ -12,13 +12,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from vnav.checking.jumps import jumps
 from vnav.checking.motions import contradicting_loops, unborne_steps
 from vnav.config import Config
 from vnav.core.arrays import Array, evenly
 from vnav.core.camera import Intrinsics
 from vnav.core.frame import Edge
 from vnav.core.graph import best_into, component_roots, ends_of
+from vnav.core.jumps import jumps
 from vnav.core.mapping import CONTRADICTS, Odometry
 from vnav.core.reduced_frame import ReducedFrame, Seen
 from vnav.features.description import near_depth

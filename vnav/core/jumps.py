@@ -1,5 +1,7 @@
 """Motions from one frame to the next that no camera makes: there a track has lost its way."""
 
+from itertools import compress
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -9,6 +11,7 @@ from vnav.core.se3 import deviation, inverse
 
 MOST = 7.0, 5.0  # rad/s, m/s: of a camera that is carried, or shaken
 OTHERS = 0.95  # share of a recording's motions that are slower than its fast ones
+SHORT_S = 2.0  # what fills a view and walks along is gone after so long
 TIMES = 3.0  # faster than these: where stamps are wrong, all motions are too fast
 
 
@@ -31,6 +34,26 @@ def jumps(frames: FrameTable, T_world_camera: Array) -> list[tuple[int, int]]:
             too_fast = _too_fast(motions, np.maximum(gap_s, usual_s))
             found += zip(i[too_fast].tolist(), j[too_fast].tolist(), strict=True)
     return found
+
+
+def between_jumps(
+    frames: FrameTable, T_world_camera: Array, part: NDArray[np.int32]
+) -> NDArray[np.intp]:
+    """Rows of frames that a track jumps to and away from soon.
+
+    Those of one capture and ``part`` (N,) fall into runs, from jump to jump. A run is short that
+    lasts less than `SHORT_S`, and less than half of the longest.
+    """
+    found: list[NDArray[np.intp]] = []
+    for capture, number in np.unique(np.stack([frames.capture, part]), axis=1).T:
+        rows = np.flatnonzero((frames.capture == capture) & (part == number))
+        poses = np.full_like(T_world_camera, np.nan)
+        poses[rows] = T_world_camera[rows]
+        starts = [row for _, row in jumps(frames, poses)]
+        runs = np.split(rows, np.searchsorted(rows, starts))
+        took_s = np.array([np.ptp(frames.stamp_s[run]) for run in runs])
+        found += compress(runs, took_s < min(SHORT_S, took_s.max() / 2))
+    return np.concatenate(found) if found else np.zeros(0, np.intp)
 
 
 def _too_fast(motions: Array, gap_s: Array) -> NDArray[np.bool_]:

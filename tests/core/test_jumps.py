@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from vnav.checking.jumps import jumps
 from vnav.core import se3
 from vnav.core.arrays import Array
+from vnav.core.jumps import between_jumps, jumps
 from vnav.core.mapping import FrameTable
 
 FRAMES, STEP_S = 100, 1 / 30
@@ -76,3 +76,36 @@ def test_fewer_than_two_poses_make_no_jump(posed: int) -> None:
 
 def test_frames_of_one_time_make_no_jump() -> None:
     assert jumps(table(np.zeros(FRAMES)), track()) == []
+
+
+ONE = np.zeros(FRAMES, np.int32)  # part
+
+
+def test_frames_between_two_jumps_are_those_that_jumped() -> None:
+    poses = track()
+    poses[50:55] = poses[50:55] @ se3.exp(ASIDE)
+    assert between_jumps(table(STAMPS_S), poses, ONE).tolist() == [50, 51, 52, 53, 54]
+
+
+def test_of_two_parts_of_a_track_that_jumps_the_longer_stays() -> None:
+    poses = track()
+    poses[20:] = poses[20:] @ se3.exp(ASIDE)
+    assert between_jumps(table(STAMPS_S), poses, ONE).tolist() == list(range(20))
+
+
+def test_what_lasts_for_two_seconds_between_jumps_stays() -> None:
+    slow_s = 4 * STAMPS_S
+    poses = track(0.25)
+    poses[80:] = poses[80:] @ se3.exp(4 * ASIDE)
+    assert between_jumps(table(slow_s), poses, ONE).tolist() == []
+
+
+def test_parts_do_not_jump_between_each_other() -> None:
+    poses, part = track(), ONE.copy()
+    part[50:55] = 1
+    poses[50:55] = poses[50:55] @ se3.exp(ASIDE)
+    assert between_jumps(table(STAMPS_S), poses, part).tolist() == []
+
+
+def test_a_track_without_jumps_keeps_all_frames() -> None:
+    assert between_jumps(table(STAMPS_S), track(), ONE).tolist() == []
