@@ -232,7 +232,7 @@ def test_frames_that_jump_away_and_back_are_left_out_with_their_closures(closed:
     T[away] = se3.make(np.eye(3), [0, 3.0, 0]) @ T[away]
     closures = near_closures(T if closed else true, np.random.default_rng(7))
     robust = robust_pose_graph(walked(T), closures, CONFIG, None)
-    assert robust.mends[0] == Mend(46, 49, TOO_FAST)
+    assert robust.mends[0] == Mend(46, 49, CUT, is_too_fast=True)
     assert {robust.odometry.reasons[row] for row in (46, 47, 49)} == {TOO_FAST}
     pairs = zip(closures, robust.graph.kept, strict=True)
     assert not any(kept and 48 in (e.i, e.j) for e, kept in pairs)
@@ -241,3 +241,25 @@ def test_frames_that_jump_away_and_back_are_left_out_with_their_closures(closed:
     off = se3.inverse(robust.graph.T_world_camera[44]) @ robust.graph.T_world_camera[52]
     error = se3.inverse(se3.inverse(true[44]) @ true[52]) @ off
     assert np.linalg.norm(error[:3, 3]) < 0.05
+
+
+def found_again(T: np.ndarray, source: int) -> Odometry:
+    """Odometry that lost the track before frame 48, and found it again by a frame; wrongly."""
+    T = T.copy()
+    T[48:] = se3.make(np.eye(3), [0, 3.0, 0]) @ T[48:]
+    rng, edges = np.random.default_rng(8), walked(T).edges
+    kept = [e for e in edges if not e.i < 48 <= e.j]
+    return of_edges([*kept, edge(T, source, 48, rng)], len(T))
+
+
+def test_a_place_that_is_found_again_far_from_the_frame_before_is_not_believed() -> None:
+    mended = mend(found_again(walk(2 * LAP), 8), [], [], CONFIG)
+    segment = mended.odometry.segment
+    assert mended.mends == (Mend(48, 48, CUT, is_too_fast=True),)
+    assert len(set(segment[:48])) == len(set(segment[48:])) == 1
+    assert segment[47] != segment[48]
+
+
+def test_a_track_that_goes_on_from_the_frame_before_is_not_cut_where_it_jumps() -> None:
+    mended = mend(found_again(walk(2 * LAP), 47), [], [], CONFIG)
+    assert set(mended.odometry.segment.tolist()) == {0}

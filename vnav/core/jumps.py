@@ -1,5 +1,6 @@
 """Motions from one frame to the next that no camera makes: there a track has lost its way."""
 
+from collections.abc import Iterator
 from itertools import compress
 
 import numpy as np
@@ -15,17 +16,17 @@ SHORT_S = 2.0  # what fills a view and walks along is gone after so long
 TIMES = 3.0  # faster than these: where stamps are wrong, all motions are too fast
 
 
-def jumps(frames: FrameTable, T_world_camera: Array) -> list[tuple[int, int]]:
-    """Rows of frames of one capture that follow each other faster than a camera moves.
+def jumps(
+    frames: FrameTable, T_world_camera: Array, part: NDArray[np.int32]
+) -> list[tuple[int, int]]:
+    """Rows of frames of one capture and part that follow each other faster than a camera moves.
 
-    ``T_world_camera`` (N, 4, 4) of all frames, NaN where unknown. Motions count that are too fast
-    by themselves, and beside the other motions of their recording. Two frames whose stamps lie
-    nearer to each other than most are taken to be as far apart as most.
+    ``T_world_camera`` (N, 4, 4) of all frames, NaN where unknown, of each ``part`` (N,) by itself.
+    Motions count that are too fast by themselves, and beside the other motions of their recording.
+    Two frames whose stamps lie nearer to each other than most are taken to be as far apart as most.
     """
-    posed = np.flatnonzero(np.isfinite(T_world_camera[:, 0, 0]))
     found: list[tuple[int, int]] = []
-    for capture in np.unique(frames.capture[posed]):
-        rows = posed[frames.capture[posed] == capture]
+    for rows in _tracks(frames, T_world_camera, part):
         i, j = rows[:-1], rows[1:]
         gap_s = np.diff(frames.stamp_s[rows])
         usual_s = np.median(gap_s) if len(gap_s) else 0.0
@@ -39,21 +40,28 @@ def jumps(frames: FrameTable, T_world_camera: Array) -> list[tuple[int, int]]:
 def between_jumps(
     frames: FrameTable, T_world_camera: Array, part: NDArray[np.int32]
 ) -> NDArray[np.intp]:
-    """Rows of frames that a track jumps to and away from soon.
+    """Rows of frames that a track jumps to and away from soon; see `jumps`.
 
-    Those of one capture and ``part`` (N,) fall into runs, from jump to jump. A run is short that
-    lasts less than `SHORT_S`, and less than half of the longest.
+    A track falls into runs, from jump to jump. A run is short that lasts less than `SHORT_S`, and
+    less than half of the longest.
     """
+    starts = [row for _, row in jumps(frames, T_world_camera, part)]
     found: list[NDArray[np.intp]] = []
-    for capture, number in np.unique(np.stack([frames.capture, part]), axis=1).T:
-        rows = np.flatnonzero((frames.capture == capture) & (part == number))
-        poses = np.full_like(T_world_camera, np.nan)
-        poses[rows] = T_world_camera[rows]
-        starts = [row for _, row in jumps(frames, poses)]
-        runs = np.split(rows, np.searchsorted(rows, starts))
+    for rows in _tracks(frames, T_world_camera, part) if starts else []:
+        runs = np.split(rows, np.flatnonzero(np.isin(rows, starts)))
         took_s = np.array([np.ptp(frames.stamp_s[run]) for run in runs])
         found += compress(runs, took_s < min(SHORT_S, took_s.max() / 2))
     return np.concatenate(found) if found else np.zeros(0, np.intp)
+
+
+def _tracks(
+    frames: FrameTable, T_world_camera: Array, part: NDArray[np.int32]
+) -> Iterator[NDArray[np.intp]]:
+    """Rows of the frames with a pose, of each capture and part."""
+    posed = np.flatnonzero(np.isfinite(T_world_camera[:, 0, 0]))
+    _, track = np.unique(np.stack([frames.capture, part])[:, posed], axis=1, return_inverse=True)
+    for number in range(track.max(initial=-1) + 1):
+        yield posed[track == number]
 
 
 def _too_fast(motions: Array, gap_s: Array) -> NDArray[np.bool_]:

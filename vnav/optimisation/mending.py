@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from vnav.config import OptimiseConfig
 from vnav.core.frame import Edge
 from vnav.core.graph import chain
+from vnav.core.jumps import jumps
 from vnav.core.mapping import LOST, Odometry
 from vnav.optimisation.contested import agreement
 from vnav.optimisation.cycles import noise_factor, suspects
@@ -20,6 +21,7 @@ from vnav.optimisation.second_look import Correction, SecondLook
 REASON = "its edges contradict each other"
 TOO_FAST = "its motion is faster than a camera is carried"
 LEFT_OUT, REGISTERED_AGAIN, CUT = "left out", "registered again", "cut"
+FOUND_AGAIN_S = 1.0  # an edge from a frame so long ago is one to a place that was found again
 
 
 @dataclass(frozen=True)
@@ -27,14 +29,15 @@ class Mend:
     """Frames ``first`` to ``last``, by row, that have edges which contradict others.
 
     ``how``: `LEFT_OUT` where other edges hold the frames, `REGISTERED_AGAIN` where a new one does,
-    `CUT` where none does. ``closures``: that contradict them, 0 where other edges alone do, or what
-    a camera can do: `TOO_FAST`.
+    `CUT` where none does. ``closures``: that contradict them, 0 where other edges alone do.
+    ``is_too_fast``: they contradict what a camera can do.
     """
 
     first: int
     last: int
     how: str
     closures: int = 0
+    is_too_fast: bool = False
 
 
 @dataclass(frozen=True)
@@ -52,13 +55,14 @@ def mend(
     config: OptimiseConfig,
     look: SecondLook | None = None,
 ) -> Mended:
-    """Odometry with the corrections, and without edges that its own cycles show to be wrong.
+    """Odometry with the corrections, and without edges that its jumps and cycles show to be wrong.
 
     Alternatives stand in where they agree. Where cycles leave open which edge joins two segments,
     closures and pixels decide. What nothing decides is cut.
     """
-    odometry = _corrected(odometry, corrections)
-    mends = [_mend_of(correction) for correction in corrections]
+    corrected = _corrected(odometry, corrections)
+    odometry = _reached(corrected)
+    mends = [*map(_mend_of, corrections), *_mends(corrected, odometry, is_too_fast=True)]
     suspect = suspects(odometry.edges, config.max_closure_sigmas)
     if not suspect.any():
         return Mended(odometry, tuple(mends))
@@ -96,6 +100,21 @@ def _mend_of(correction: Correction) -> Mend:
     return Mend(stretch.i, stretch.j, how, stretch.closures)
 
 
+def _reached(odometry: Odometry) -> Odometry:
+    """Odometry without edges to a place that is far from where the frame before was.
+
+    A frame after lost ones is found again so where another place looks the same.
+    """
+    frames, segment = odometry.frames, odometry.segment
+    jumped = {row for _, row in jumps(frames, odometry.T_segment_camera, segment)}
+    edges = [
+        e
+        for e in odometry.edges
+        if e.j not in jumped or frames.stamp_s[e.j] - frames.stamp_s[e.i] < FOUND_AGAIN_S
+    ]
+    return odometry if len(edges) == len(odometry.edges) else with_edges(odometry, edges, TOO_FAST)
+
+
 def _agreement(
     odometry: Odometry, trusted: Sequence[Edge], doubtful: Sequence[Edge], max_sigmas: float
 ) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
@@ -114,7 +133,7 @@ def _alternatives(odometry: Odometry, suspect: NDArray[np.bool_]) -> list[Edge]:
 def too_fast(rows: NDArray[np.intp]) -> list[Mend]:
     """Of frames that are left out because they jump."""
     runs = np.split(rows, np.flatnonzero(np.diff(rows) > 1) + 1)
-    return [Mend(int(run[0]), int(run[-1]), TOO_FAST) for run in runs]
+    return [Mend(int(run[0]), int(run[-1]), CUT, is_too_fast=True) for run in runs]
 
 
 def without(odometry: Odometry, rows: NDArray[np.intp], reason: str) -> Odometry:
@@ -140,7 +159,7 @@ def with_edges(odometry: Odometry, edges: Sequence[Edge], reason: str = REASON) 
     )
 
 
-def _mends(before: Odometry, after: Odometry) -> tuple[Mend, ...]:
+def _mends(before: Odometry, after: Odometry, is_too_fast: bool = False) -> tuple[Mend, ...]:
     """What became of the edges that odometry has no more, in order; neighbours as one."""
     kept = {id(e) for e in after.edges}
     how = dict(_outcome(e, after.segment) for e in before.edges if id(e) not in kept)
@@ -149,7 +168,7 @@ def _mends(before: Odometry, after: Odometry) -> tuple[Mend, ...]:
         if found and found[-1].last == row - 1 and found[-1].how == how[row]:
             found[-1] = dataclasses.replace(found[-1], last=row)
         else:
-            found.append(Mend(row, row, how[row]))
+            found.append(Mend(row, row, how[row], is_too_fast=is_too_fast))
     return tuple(found)
 
 

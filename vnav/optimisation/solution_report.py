@@ -84,10 +84,9 @@ def _mended_lines(solution: Solution, odometry: Odometry, *how: str) -> list[str
     for mend in solution.robust.mends:
         frames = odometry.frames.rows_text(np.arange(mend.first, mend.last + 1))
         what = f"{mend.closures} closures" if mend.closures else "the edges around them"
-        contradicted = f"odometry contradicts {what}: {mend.how}"
-        why = f"{TOO_FAST}: {LEFT_OUT}" if mend.how == TOO_FAST else contradicted
+        why = TOO_FAST if mend.is_too_fast else f"odometry contradicts {what}"
         if mend.how in how:
-            lines.append(f"{frames}: {why}")
+            lines.append(f"{frames}: {why}: {mend.how}")
     return lines
 
 
@@ -153,7 +152,7 @@ def _given_line(prior: PosePrior) -> str:
 
 
 def _warnings(solution: Solution, result: OptimisedMap, odometry: Odometry) -> list[str]:
-    found = _mended_lines(solution, odometry, CUT, TOO_FAST)
+    found = _mended_lines(solution, odometry, CUT)
     found += [
         f"{odometry.frames.rows_text(rows)} are a part of their own, for no loop joins them to"
         f" the rest: their trajectory is in optimise/{name}, the map is of the main part"

@@ -84,7 +84,8 @@ def assess(folder: MapFolder, config: Config) -> Quality:
     against = _against(rejected, poses, seen, sensor, _sensor_errors(optimised, len(cameras)))
     unborne = unborne_steps(rows, odometry.motions, poses, seen, registration)
     unsure, wrong = unsure_rows(odometry), _wrong_fits(optimised)
-    jumped, posed = jumps(odometry.frames, poses), int(np.isfinite(poses[:, 0, 0]).sum())
+    jumped = jumps(odometry.frames, poses, np.zeros_like(odometry.segment))
+    posed = int(np.isfinite(poses[:, 0, 0]).sum())
     told = (
         _disagreement(revisits, odometry),
         _contradiction(against, odometry),
