@@ -82,6 +82,14 @@ def test_a_false_loop_that_fits_no_better_contradicts_nothing(poses: np.ndarray)
     assert contradicting_loops([false], poses, alike, CONFIG) == []
 
 
+def test_a_loop_to_a_twin_place_contradicts_no_map_that_has_it_out_of_view(
+    poses: np.ndarray,
+) -> None:
+    poses[2:] = aside(6.0) @ poses[2:]  # another wall with the same paper
+    twin = Edge(0, 3, aside(3 * STEP_M), np.eye(6))
+    assert contradicting_loops([twin], poses, unlike, CONFIG) == []
+
+
 def test_a_loop_to_a_frame_without_a_pose_tells_nothing(poses: np.ndarray) -> None:
     poses[3] = np.nan
     loop = Edge(0, 3, aside(0.0), np.eye(6))

@@ -12,10 +12,10 @@ CELL = np.arange(CELLS[0] * CELLS[1])  # a pixel each
 THING, ROOM = len(CELL) // 8 > CELL, len(CELL) // 4 <= CELL
 
 
-def votes(right: Array, wrong: Array) -> tuple[float, float]:
+def votes(right: Array, wrong: Array, alone: bool = True) -> tuple[float, float]:
     """For one of two motions over the other, and the standard deviation."""
     told = np.stack([right, wrong, np.zeros(len(CELL))])
-    favour, variance = poll(told, CELL, np.full(CELLS, 0.5), 1.0, WRONG)
+    favour, variance = poll(told, CELL, np.full(CELLS, 0.5), 1.0, WRONG, alone)
     return float(favour[0, 1]), float(np.sqrt(variance[0, 1]))
 
 
@@ -42,3 +42,9 @@ def test_what_looks_alike_under_both_motions_tells_nothing_where_one_alone_meets
 def test_cells_that_one_motion_meets_alone_count_only_where_they_are_the_more(told: float) -> None:
     right, wrong = np.where(ROOM, FITS, SILENT), np.where(ROOM, MISFITS, SILENT)
     assert votes(np.where(THING, told, right), wrong) == votes(right, wrong)
+
+
+def test_frames_that_need_not_see_the_same_are_compared_by_what_both_motions_meet() -> None:
+    right = np.select([THING, ROOM], [MISFITS, FITS], SILENT)
+    favour, sigma = votes(right, np.where(THING, FITS, SILENT), alone=False)
+    assert favour < -3 * sigma

@@ -23,13 +23,15 @@ def poll(
     inverse_depth: Array,
     weight: float,
     wrong: float,
+    alone: bool,
 ) -> tuple[Array, Array]:
     """Sums of the votes between H hypotheses (H, H), and the variance of these sums.
 
     ``told`` (H, N): log-likelihood of each pixel under each, over chance, NaN where it says
     nothing; the last is chance itself. ``cells`` (N,): which cell a pixel is in, a number into
     ``inverse_depth`` (R, C), 0 where unknown. A pixel counts ``weight``; a cell is wrong with the
-    probability ``wrong``, however sure its pixels are.
+    probability ``wrong``, however sure its pixels are. ``alone``: whether cells vote that say
+    something of one of two alone.
     """
     size, least = len(told), DECIDED * np.log((1 - wrong) / wrong)
     favour, variance = np.zeros((size, size)), np.zeros((size, size))
@@ -38,7 +40,7 @@ def poll(
         for j in range(i):
             total, known = _totals(told[i] - told[j], cells, inverse_depth.size, weight)
             vote = _votes(total, wrong)
-            if i < size - 1:  # chance sees nothing of its own
+            if alone and i < size - 1:  # chance sees nothing of its own
                 _add_seen_by_one(vote, known, sums[i], sums[j], seen[i] != seen[j], wrong)
             speaks = np.abs(vote) >= least
             weighted = vote * _represented(speaks, known, inverse_depth)

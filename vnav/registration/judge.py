@@ -86,18 +86,26 @@ class PixelEvidence:
 
 
 def judge(
-    a: ReducedFrame, b: ReducedFrame, candidates: Sequence[Array], config: RegistrationConfig
+    a: ReducedFrame,
+    b: ReducedFrame,
+    candidates: Sequence[Array],
+    config: RegistrationConfig,
+    *,
+    follow: bool = False,
 ) -> PixelEvidence:
     """The evidence of the pixels of two frames on motions ``T_a_b`` between them.
 
     Both ways: a's pixels are held against b, and b's against a. No preference where nothing
     overlaps. Candidates that pixels cannot tell apart had better be one: see `are_same`. A camera
     that moves sees its depth late, and its rows one after the other: delays that are not known
-    yet are noise, as large as the frames' twists make it.
+    yet are noise, as large as the frames' twists make it. ``follow``: whether one frame follows
+    the other, so that both see much of the same: then what only one motion explains counts, too.
+    Else a motion may be right under which they see nothing of the same.
     """
     of_a, of_b = _View.of(a), _View.of(b)
     inverses = [se3.inverse(T) for T in candidates]
-    there, back = _votes(of_a, of_b, inverses, config), _votes(of_b, of_a, candidates, config)
+    there = _votes(of_a, of_b, inverses, config, follow)
+    back = _votes(of_b, of_a, candidates, config, follow)
     both = there + back  # what one way tells, the other tells again
     return replace(both, favour=both.favour / 2, variance=both.variance / 2)
 
@@ -171,10 +179,12 @@ class _View:
         return cls(image, spreads, camera, *asked)
 
 
-def _votes(a: _View, b: _View, T_b_a: Sequence[Array], config: RegistrationConfig) -> PixelEvidence:
+def _votes(
+    a: _View, b: _View, T_b_a: Sequence[Array], config: RegistrationConfig, follow: bool
+) -> PixelEvidence:
     """How a's cells vote, by what their pixels meet in b; see `poll`."""
     told = _told(a, b, T_b_a, config)
-    favour, variance = poll(told, a.cells, a.surface, a.weight, WRONG)
+    favour, variance = poll(told, a.cells, a.surface, a.weight, WRONG, follow)
     return PixelEvidence(favour, variance, _refuting(told, a.cells).mean(1))
 
 

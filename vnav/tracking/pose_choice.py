@@ -20,7 +20,7 @@ from vnav.core.camera import Intrinsics
 from vnav.core.frame import PoseEstimate
 from vnav.core.mapping import FrameFeatures
 from vnav.core.reduced_frame import ReducedFrame
-from vnav.registration.judge import are_same, judge
+from vnav.registration.judge import PixelEvidence, are_same, judge
 from vnav.registration.pixel_evidence import DEPTH_DELAY_SIGMA_S
 
 CLEAR = 0.95  # probability of a pose that needs no second look
@@ -193,13 +193,16 @@ class PoseChoice:
         """
         if len(self._probabilities) == len(self._poses):
             return
-        evidence = [
-            judge(a.frame.image, self._current, [a.motion(T) for T in self.poses], self._config)
-            for a in self._targets
-        ]
+        evidence = [self._judged(a) for a in self._targets]
         log_prior = np.array([self._log_prior(T) for T in self.poses])
         of_all = reduce(add, evidence)
         self._probabilities, self._refuting = of_all.posterior(log_prior), of_all.refuting
+
+    def _judged(self, target: Target) -> PixelEvidence:
+        """What a target's pixels say of the poses."""
+        motions = [target.motion(T) for T in self.poses]
+        images = target.frame.image, self._current
+        return judge(*images, motions, self._config, follow=True)
 
     @property
     def is_refuted(self) -> bool:
