@@ -51,7 +51,7 @@ def between_jumps(
         runs = np.split(rows, np.flatnonzero(np.isin(rows, starts)))
         took_s = np.array([np.ptp(frames.stamp_s[run]) for run in runs])
         found += compress(runs, took_s < min(SHORT_S, took_s.max() / 2))
-    return np.concatenate(found) if found else np.zeros(0, np.intp)
+    return np.sort(np.concatenate(found)) if found else np.zeros(0, np.intp)
 
 
 def _tracks(
@@ -59,9 +59,9 @@ def _tracks(
 ) -> Iterator[NDArray[np.intp]]:
     """Rows of the frames with a pose, of each capture and part."""
     posed = np.flatnonzero(np.isfinite(T_world_camera[:, 0, 0]))
-    _, track = np.unique(np.stack([frames.capture, part])[:, posed], axis=1, return_inverse=True)
-    for number in range(track.max(initial=-1) + 1):
-        yield posed[track == number]
+    of = np.stack([frames.capture, part])[:, posed]
+    for track in np.unique(of, axis=1).T:
+        yield posed[(track == of.T).all(1)]
 
 
 def _too_fast(motions: Array, gap_s: Array) -> NDArray[np.bool_]:
