@@ -263,3 +263,24 @@ def test_a_place_that_is_found_again_far_from_the_frame_before_is_not_believed()
 def test_a_track_that_goes_on_from_the_frame_before_is_not_cut_where_it_jumps() -> None:
     mended = mend(found_again(walk(2 * LAP), 47), [], [], CONFIG)
     assert set(mended.odometry.segment.tolist()) == {0}
+
+
+class RefusingLook(FixedLook):
+    """A second look that corrects nothing, and bears out no join."""
+
+    def is_borne_out(self, *_: object) -> bool:
+        return False
+
+
+def test_frames_that_jump_are_left_out_beside_closures_that_join_nothing() -> None:
+    T = walk(2 * LAP)
+    T[46:50] = se3.make(np.eye(3), [0, 3.0, 0]) @ T[46:50]
+    edges = [e for e in walked(T).edges if not e.i < 20 <= e.j]
+    closures = near_closures(T, np.random.default_rng(9))
+    look = RefusingLook(None)
+    robust = robust_pose_graph(of_edges(edges, len(T)), closures, CONFIG, look)  # type: ignore[arg-type]
+    assert robust.mends[0] == Mend(46, 49, CUT, is_too_fast=True)
+    pairs = zip(closures, robust.graph.kept, strict=True)
+    kept = [(e.i, e.j) for e, is_kept in pairs if is_kept]
+    assert (0, 4) in kept
+    assert not any(i < 20 <= j for i, j in kept)

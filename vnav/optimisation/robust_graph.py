@@ -25,7 +25,10 @@ from vnav.optimisation.segments import Inside, align_segments, same_pose
 
 @dataclass(frozen=True)
 class RobustGraph:
-    """Odometry as ``mends`` left it, the pose graph over it, and the part (N,) of each frame."""
+    """Odometry as ``mends`` left it, the pose graph over it, and the part (N,) of each frame.
+
+    The graph's ``closure_sigmas`` are of those closures alone that it was asked about.
+    """
 
     odometry: Odometry
     mends: tuple[Mend, ...]
@@ -49,9 +52,9 @@ def robust_pose_graph(
     asked = np.flatnonzero(~np.isin(ends_of(closures), rows).any(1))
     fewer = without(odometry, rows, TOO_FAST), [closures[n] for n in asked.tolist()]
     steady = robust_pose_graph(*fewer, config, look)
-    kept, sigmas = np.zeros(len(closures), np.bool_), np.full(len(closures), np.inf)
-    kept[asked], sigmas[asked] = steady.graph.kept, steady.graph.closure_sigmas
-    graph = dataclasses.replace(steady.graph, kept=kept, closure_sigmas=sigmas)
+    kept = np.zeros(len(closures), np.bool_)
+    kept[asked] = steady.graph.kept
+    graph = dataclasses.replace(steady.graph, kept=kept)
     return dataclasses.replace(steady, graph=graph, mends=(*too_fast(rows), *steady.mends))
 
 
