@@ -78,6 +78,12 @@ def test_the_right_motion_is_clear_of_a_wrong_one_and_of_none(
     assert (log_odds[0, 1:] > CLEAR).all()
 
 
+def as_likely(odometry: Odometry, probability: float) -> Odometry:
+    """The same, with edges that are as likely to be right."""
+    edges = tuple(dataclasses.replace(e, probability=probability) for e in odometry.edges)
+    return dataclasses.replace(odometry, edges=edges)
+
+
 @pytest.mark.parametrize(("probability", "stays"), [(0.99, True), (0.5, False)])
 def test_where_keyframes_nearly_tell_the_frames_between_decide(
     odometry: Odometry,
@@ -87,11 +93,9 @@ def test_where_keyframes_nearly_tell_the_frames_between_decide(
     stays: bool,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    edges = tuple(dataclasses.replace(e, probability=probability) for e in odometry.edges)
     wrong = Edge(right.i, right.j, right.T_i_j @ SHIFT, np.eye(6))
-    monkeypatch.setattr(
-        look, "_odometry", dataclasses.replace(odometry, edges=edges, alternatives=(wrong,))
-    )
+    tempted = dataclasses.replace(as_likely(odometry, probability), alternatives=(wrong,))
+    monkeypatch.setattr(look, "_odometry", tempted)
     nearly = np.array([[0.0, 1.0, 50.0], [-1.0, 0.0, 49.0], [-50.0, -49.0, 0.0]])
     monkeypatch.setattr(look, "log_odds", lambda *_: nearly)
     found = look.correct(dataclasses.replace(right, T_i_j=wrong.T_i_j), right.T_i_j)
@@ -108,8 +112,7 @@ def test_a_motion_that_odometry_itself_doubts_is_cut_where_closures_contradict_i
     stays: bool,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    edges = tuple(dataclasses.replace(e, probability=probability) for e in odometry.edges)
-    monkeypatch.setattr(look, "_odometry", dataclasses.replace(odometry, edges=edges))
+    monkeypatch.setattr(look, "_odometry", as_likely(odometry, probability))
     monkeypatch.setattr(look, "_other_motion", lambda _: None)  # a thing fills the keyframes
     found = look.correct(right, right.T_i_j @ SHIFT)
     assert (found is None) == stays

@@ -26,14 +26,13 @@ class Contradiction:
     T_i_j: Array
     closures: int
 
-    def weakest(self, edges: Iterable[Edge]) -> tuple[float, int]:
+    def weakest(self, edges: Iterable[Edge]) -> tuple[int, float]:
         """Of the frames after i to j: the one that edges within most likely got wrong.
 
-        The probability of the likeliest edge into it, and its row; of equals the last.
+        Its row, and the probability of the likeliest edge into it; of equals the last.
         """
         into = best_into(e for e in edges if self.i <= e.i and e.j <= self.j)
-        p, row = min(((p, -row) for row, p in into.items()), default=(0.5, -self.j))
-        return p, -row
+        return min(into.items(), key=lambda item: (item[1], -item[0]), default=(self.j, 0.5))
 
 
 def contradictions(

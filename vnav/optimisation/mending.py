@@ -1,7 +1,7 @@
 """Odometry whose edges contradict each other: wrong ones are left out, or what they hold is cut."""
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import compress
 
@@ -61,7 +61,7 @@ def mend(
     closures and pixels decide. What nothing decides is cut.
     """
     corrected = _corrected(odometry, corrections)
-    odometry = _reached(corrected)
+    odometry = _without_leaps(corrected)
     mends = [*map(_mend_of, corrections), *_mends(corrected, odometry, is_too_fast=True)]
     suspect = suspects(odometry.edges, config.max_closure_sigmas)
     if not suspect.any():
@@ -82,7 +82,7 @@ def _corrected(odometry: Odometry, corrections: Sequence[Correction]) -> Odometr
         return odometry
     edges, degenerate = odometry.edges, odometry.degenerate_edges
     for c in corrections:
-        _, row = c.stretch.weakest(odometry.edges)
+        row, _ = c.stretch.weakest(odometry.edges)
         new = () if c.edge is None else (c.edge,)
         edges = (*(e for e in edges if not _is_across(e, row)), *new)
         degenerate = tuple(e for e in degenerate if not _is_across(e, row))
@@ -100,10 +100,10 @@ def _mend_of(correction: Correction) -> Mend:
     return Mend(stretch.i, stretch.j, how, stretch.closures)
 
 
-def _reached(odometry: Odometry) -> Odometry:
-    """Odometry without edges to a place that is far from where the frame before was.
+def _without_leaps(odometry: Odometry) -> Odometry:
+    """Odometry without edges by which a frame was found again, but far from the frame before.
 
-    A frame after lost ones is found again so where another place looks the same.
+    So is one that another place looks like.
     """
     frames, segment = odometry.frames, odometry.segment
     jumped = {row for _, row in jumps(frames, odometry.T_segment_camera, segment)}
@@ -130,10 +130,9 @@ def _alternatives(odometry: Odometry, suspect: NDArray[np.bool_]) -> list[Edge]:
     return [e for e in odometry.alternatives if (e.i, e.j) in ends]
 
 
-def too_fast(rows: NDArray[np.intp]) -> list[Mend]:
+def too_fast(rows: NDArray[np.intp]) -> tuple[Mend, ...]:
     """Of frames that are left out because they jump."""
-    runs = np.split(rows, np.flatnonzero(np.diff(rows) > 1) + 1)
-    return [Mend(int(run[0]), int(run[-1]), CUT, is_too_fast=True) for run in runs]
+    return _neighbours_as_one(dict.fromkeys(rows.tolist(), CUT), is_too_fast=True)
 
 
 def without(odometry: Odometry, rows: NDArray[np.intp], reason: str) -> Odometry:
@@ -160,9 +159,14 @@ def with_edges(odometry: Odometry, edges: Sequence[Edge], reason: str = REASON) 
 
 
 def _mends(before: Odometry, after: Odometry, is_too_fast: bool = False) -> tuple[Mend, ...]:
-    """What became of the edges that odometry has no more, in order; neighbours as one."""
+    """What became of the edges that odometry has no more, in order."""
     kept = {id(e) for e in after.edges}
     how = dict(_outcome(e, after.segment) for e in before.edges if id(e) not in kept)
+    return _neighbours_as_one(how, is_too_fast)
+
+
+def _neighbours_as_one(how: Mapping[int, str], is_too_fast: bool) -> tuple[Mend, ...]:
+    """Frames, by row, as mends in order: one for neighbours of which the same became."""
     found: list[Mend] = []
     for row in sorted(how):
         if found and found[-1].last == row - 1 and found[-1].how == how[row]:

@@ -103,7 +103,7 @@ class SecondLook:
 
     def _log_odds_before(self, stretch: Contradiction) -> float:
         """Of odometry's motion across a stretch, by the least probable of its frames' edges."""
-        p = np.clip(stretch.weakest(self._odometry.edges)[0], 1 - SURE, SURE)
+        p = np.clip(stretch.weakest(self._odometry.edges)[1], 1 - SURE, SURE)
         return float(np.log(p / (1 - p)))
 
     def revisits(self, poses: Array, depth_delay_s: Array) -> Revisits:

@@ -193,7 +193,7 @@ class PoseChoice:
         """
         if len(self._probabilities) == len(self._poses):
             return
-        evidence = [self._judged(a) for a in self._targets]
+        evidence = [self._judged(target) for target in self._targets]
         log_prior = np.array([self._log_prior(T) for T in self.poses])
         of_all = reduce(add, evidence)
         self._probabilities, self._refuting = of_all.posterior(log_prior), of_all.refuting
