@@ -48,7 +48,13 @@ def frequent(ways: Array, min_count: float) -> list[Array]:
 
     `MOST` of them at most.
     """
-    cells, count = np.unique(np.round(ways / CELL_M), axis=0, return_counts=True)
+    if not len(ways):
+        return []
+    cell_of = np.round(ways / CELL_M).astype(int)
+    lowest, sizes = cell_of.min(0), tuple(np.ptp(cell_of, axis=0) + 1)
+    numbers = np.ravel_multi_index(tuple((cell_of - lowest).T), sizes)
+    _, row, count = np.unique(numbers, return_index=True, return_counts=True)
+    cells = cell_of[row]
     order = np.argsort(-count, kind="stable")
     found: list[Array] = []
     for cell in cells[order[count[order] >= min_count]]:
