@@ -69,9 +69,22 @@ def test_after_a_step_that_may_be_mistaken_another_pose_is_as_likely_as_that() -
     assert far == pytest.approx(np.log(0.2 / 0.8), abs=0.02)
 
 
-def test_a_step_that_is_likely_mistaken_tells_nothing_of_the_next() -> None:
-    motion = after_two_frames()
-    motion.update(2, {1: STEP}, probability=0.3)
+def test_where_the_last_step_is_likely_mistaken_the_one_before_tells() -> None:
+    motion, without = after_two_frames(), after_two_frames()
+    motion.update(2, {1: TURN}, probability=0.3)
+    for each in (motion, without):
+        each.predict(5.3)
+    as_before = without.expected[0]
+    assert motion.log_prior(as_before) == pytest.approx(0)
+    assert motion.log_prior(motion.expected[0]) == 0
+    assert motion.log_prior(as_before @ se3.exp([0, 0, 0, 0.5, 0, 0])) < -3
+
+
+def test_steps_that_are_all_likely_mistaken_tell_nothing_of_the_next() -> None:
+    motion = ConstantVelocity()
+    for row in range(3):
+        motion.predict(5 + row / 10)
+        motion.update(row, {row - 1: STEP} if row else {}, probability=0.3)
     motion.predict(5.3)
     assert motion.log_prior(motion.expected[0] @ se3.exp([0, 0, 0, 0.5, 0, 0])) == 0
 

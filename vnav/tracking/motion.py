@@ -1,10 +1,13 @@
 """The constant-velocity motion model: where the next frame will be if the motion goes on.
 
 A hand or a robot changes its velocity little from frame to frame. What is far from the predicted
-pose is less likely, but not by much: somebody may stumble, and the last step may be mistaken.
+pose is less likely, but not by much: somebody may stumble, and the last step may be mistaken. Then
+the one before tells where the camera is.
 """
 
+from collections import deque
 from collections.abc import Mapping
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -14,6 +17,34 @@ from vnav.core.arrays import Array
 ACCELERATIONS = 3.0, 2.0  # rad/s2, m/s2: usual ones of a camera that is carried
 STEP_SIGMAS = 0.002, 0.003  # rad, m: of a step that was measured
 MAX_STEPS = 3.5  # time steps that the velocity is trusted for; after a longer gap it is not
+REMEMBERED = 3  # steps: that so many are mistaken one after the other is rare
+
+
+@dataclass(frozen=True)
+class _PastStep:
+    """A motion (4, 4) that took so long, to a pose of that time; ``probability`` that it is right.
+
+    ``took_s`` is 0 where a track begins.
+    """
+
+    T_start_camera: Array
+    motion: Array
+    took_s: float
+    stamp_s: float
+    probability: float
+
+    def onward(self, stamp_s: float) -> Array:
+        """The motion from its pose until a time, if it goes on: longer after a gap."""
+        gap_s = stamp_s - self.stamp_s
+        steps = gap_s / self.took_s if self.took_s > 0 else 1.0
+        return _scaled(self.motion, float(np.clip(steps, 0.0, MAX_STEPS)))
+
+    def goes_on(self, T_likely_next: Array, stamp_s: float) -> float:
+        """How likely the camera is so far from where the step leads, 1 at most: Cauchy's tails."""
+        gap_s = stamp_s - self.stamp_s
+        usual = np.array(ACCELERATIONS) * gap_s * (gap_s + self.took_s) / 2 + STEP_SIGMAS
+        off = np.linalg.norm(se3.deviation(T_likely_next).reshape(2, 3), axis=1)
+        return 1 / float(np.prod(1 + (off / usual) ** 2))
 
 
 class ConstantVelocity:
@@ -22,18 +53,15 @@ class ConstantVelocity:
     def __init__(self) -> None:
         self._T_start_camera: dict[int, Array] = {}
         self._last = -1
-        self._last_s = self._next_s = 0.0
-        self._step, self._step_s = np.eye(4), 0.0
-        self._probability = 1.0  # of the step
+        self._steps: deque[_PastStep] = deque(maxlen=REMEMBERED)  # of this track, the newest last
+        self._next_s = 0.0
         self._T_last_next = np.eye(4)
         self._T_suggested: Array | None = None
 
     def predict(self, stamp_s: float) -> None:
         """Predict the motion to a frame of this time: the last step, longer after a gap."""
         self._next_s = stamp_s
-        gap_s = stamp_s - self._last_s
-        steps = gap_s / self._step_s if self._step_s > 0 else 1.0
-        self._T_last_next = _scaled(self._step, float(np.clip(steps, 0.0, MAX_STEPS)))
+        self._T_last_next = self._steps[-1].onward(stamp_s) if self._steps else np.eye(4)
         self._T_suggested = None
 
     def replace_prediction(self, T_last_next: Array) -> None:
@@ -54,17 +82,16 @@ class ConstantVelocity:
         track begins.
         """
         known = [(i, T) for i, T in T_target_camera.items() if i in self._T_start_camera]
-        if not known:
-            self._T_start_camera.clear()
-            pose = np.eye(4)
-        else:
+        if known:
             pose = self._T_start_camera[known[0][0]] @ known[0][1]
-        previous = self._T_start_camera.get(self._last)
-        self._step = np.eye(4) if previous is None else se3.inverse(previous) @ pose
-        self._step_s = 0.0 if previous is None else self._next_s - self._last_s
-        self._probability = probability
-        self._T_start_camera[row] = pose
-        self._last, self._last_s = row, self._next_s
+            last = self._steps[-1]
+            step, took_s = se3.inverse(last.T_start_camera) @ pose, self._next_s - last.stamp_s
+        else:
+            self._T_start_camera.clear()
+            self._steps.clear()
+            pose, step, took_s = np.eye(4), np.eye(4), 0.0
+        self._steps.append(_PastStep(pose, step, took_s, self._next_s, probability))
+        self._T_start_camera[row], self._last = pose, row
 
     @property
     def poses(self) -> Mapping[int, Array]:
@@ -84,25 +111,27 @@ class ConstantVelocity:
     def log_prior(self, T_start_next: Array) -> float:
         """How likely the next frame is there, as a log-density: 0 where the motion goes on.
 
-        Cauchy's, whose tails are heavy. It is 0 anywhere before there is a velocity. Another pose
-        is as likely as the last step was mistaken: what repeats goes on as another motion would.
+        It is 0 anywhere before there is a velocity. Where the last step was mistaken, the motion
+        goes on as the step before; another pose is as likely as all of them were: what repeats goes
+        on as another motion would.
         """
-        if self._step_s <= 0:
-            return 0.0
-        gap_s = self._next_s - self._last_s
-        T_start_likely = self._T_start_camera[self._last] @ self._T_last_next
-        off = se3.deviation(se3.inverse(T_start_likely) @ T_start_next)
-        usual = np.array(ACCELERATIONS) * gap_s * (gap_s + self._step_s) / 2 + STEP_SIGMAS
-        goes_on = 1 / float(np.prod(1 + (np.linalg.norm(off.reshape(2, 3), axis=1) / usual) ** 2))
-        p = max(self._probability, 0.5)
-        return float(np.log(goes_on + (1 - goes_on) * (1 - p) / p))
+        likely = 1.0
+        for step in self._steps:
+            if step.took_s <= 0:
+                continue
+            is_last = step is self._steps[-1]
+            T_step_next = self._T_last_next if is_last else step.onward(self._next_s)
+            T_likely_next = se3.inverse(step.T_start_camera @ T_step_next) @ T_start_next
+            goes_on, p = step.goes_on(T_likely_next, self._next_s), max(step.probability, 0.5)
+            likely = goes_on + (1 - goes_on) * likely * (1 - p) / p
+        return float(np.log(likely))
 
     @property
     def twist(self) -> Array:
         """Of the last step (6,), rotation first, in rad/s and m/s; 0 before there is one."""
-        if self._step_s <= 0:
+        if not self._steps or self._steps[-1].took_s <= 0:
             return np.zeros(6)
-        return np.asarray(se3.deviation(self._step) / self._step_s)
+        return np.asarray(se3.deviation(self._steps[-1].motion) / self._steps[-1].took_s)
 
     def predicted(self, target: int) -> Array | None:
         """``T_target_camera`` of the next frame; None where the target is of another track."""
