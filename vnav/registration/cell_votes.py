@@ -13,6 +13,7 @@ from vnav.compiled import compiled
 from vnav.core.arrays import Array
 
 DECIDED = 0.5  # of the largest vote; a cell with less tells nothing
+GROSS = 0.5  # of what the better one says of a pixel; a difference of less counts for less
 STEEP = 0.05  # relative change of inverse depth that is as far as the next cell
 
 
@@ -24,6 +25,7 @@ def poll(
     weight: float,
     wrong: float,
     alone: bool,
+    afar: NDArray[np.bool_],
 ) -> tuple[Array, Array]:
     """Sums of the votes between H hypotheses (H, H), and the variance of these sums.
 
@@ -31,14 +33,15 @@ def poll(
     nothing; the last is chance itself. ``cells`` (N,): which cell a pixel is in, a number into
     ``inverse_depth`` (R, C), 0 where unknown. A pixel counts ``weight``; a cell is wrong with the
     probability ``wrong``, however sure its pixels are. ``alone``: whether cells vote that say
-    something of one of two alone.
+    something of one of two alone. ``afar`` (H, H): which two have most pixels in other places.
     """
     size, least = len(told), DECIDED * np.log((1 - wrong) / wrong)
     favour, variance = np.zeros((size, size)), np.zeros((size, size))
     sums, seen = _of_each(told, cells, inverse_depth.size, weight)
     for i in range(size):
         for j in range(i):
-            total, known = _totals(told[i] - told[j], cells, inverse_depth.size, weight)
+            apart = _grossly(told[i], told[j]) if afar[i, j] else told[i] - told[j]
+            total, known = _totals(apart, cells, inverse_depth.size, weight)
             vote = _votes(total, wrong)
             if alone and i < size - 1:  # chance sees nothing of its own
                 _add_seen_by_one(vote, known, sums[i], sums[j], seen[i] != seen[j], wrong)
@@ -48,6 +51,20 @@ def poll(
             variance[i, j] = (weighted**2).sum() * (1 + 1 / max(speaks.sum(), 1))
             favour[j, i], variance[j, i] = -favour[i, j], variance[i, j]
     return favour, variance
+
+
+@compiled
+def _grossly(one: Array, other: Array) -> Array:
+    """What pixels (N,) say of one hypothesis more than of another, less where both fit as well.
+
+    What looks alike in two places repeats itself, and lens and light then decide which looks more
+    so. Motions that are nearly one have nothing but such small differences.
+    """
+    apart = one - other
+    for n in range(len(apart)):
+        if one[n] > 0 and other[n] > 0:
+            apart[n] *= min(1.0, abs(apart[n]) / (GROSS * max(one[n], other[n])))
+    return apart
 
 
 @compiled

@@ -11,6 +11,7 @@ prefer one: Vuong 1989, "Likelihood ratio tests for model selection".
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
+from itertools import combinations
 from math import ceil, erfc, log, sqrt
 
 import cv2
@@ -42,6 +43,7 @@ WRONG = 0.05  # share of pixels that a right motion does not explain, and of cel
 GREY_SIGMA = 3.0  # of a block's brightness: by noise, and by reflections, which do not average out
 SAME = 0.25  # of what an inlier may be off: where two motions are one
 BLUR_PX = 1.0  # of the brightness, which is interpolated
+AFAR_BLOCKS = 2.0  # by which two motions put most pixels elsewhere: what then fits both repeats
 TINY = 1e-12
 MOST_VIEWS = 8  # that are kept: a frame is held against few others, which others are, too
 CLEAR = 4.6  # log-odds of 99 to 1; what is less clear is a tie
@@ -99,8 +101,9 @@ def judge(
     overlaps. Candidates that pixels cannot tell apart had better be one: see `are_same`. A camera
     that moves sees its depth late, and its rows one after the other: delays that are not known
     yet are noise, as large as the frames' twists make it. ``follow``: whether one frame follows
-    the other, so that both see much of the same: then what only one motion explains counts, too.
-    Else a motion may be right under which they see nothing of the same.
+    the other, so that both see much of the same: then what only one motion explains counts, too,
+    and of two that are far apart, what both explain counts less. Else a motion may be right under
+    which they see nothing of the same.
     """
     of_a, of_b = _View.of(a), _View.of(b)
     inverses = [se3.inverse(T) for T in candidates]
@@ -184,8 +187,21 @@ def _votes(
 ) -> PixelEvidence:
     """How a's cells vote, by what their pixels meet in b; see `poll`."""
     told = _told(a, b, T_b_a, config)
-    favour, variance = poll(told, a.cells, a.surface, a.weight, WRONG, follow)
+    afar = _afar(a, T_b_a) if follow else np.zeros((len(told), len(told)), bool)
+    favour, variance = poll(told, a.cells, a.surface, a.weight, WRONG, follow, afar)
     return PixelEvidence(favour, variance, _refuting(told, a.cells).mean(1))
+
+
+def _afar(a: _View, T_b_a: Sequence[Array]) -> NDArray[np.bool_]:
+    """Which of the motions, and chance (C + 1, C + 1), have most of a's pixels in other places."""
+    T_a_b, count = se3.inverse(np.array(T_b_a)), len(T_b_a)
+    inverse_depth = np.ascontiguousarray(a.image[..., 0])
+    pixels = np.ascontiguousarray(a.pixels[::8])
+    limits, afar = np.array([AFAR_BLOCKS, np.inf]), np.zeros((count + 1, count + 1), bool)
+    for i, j in combinations(range(count), 2):
+        alike = put_alike(T_a_b[[i, j]], np.zeros(6), inverse_depth, a.camera[:4], pixels, limits)
+        afar[i, j] = afar[j, i] = alike < 0.5
+    return afar
 
 
 def _told(a: _View, b: _View, T_b_a: Sequence[Array], config: RegistrationConfig) -> Array:
