@@ -88,6 +88,7 @@ bench-real: setup
 	-$(BIN)/python benchmarks/people.py bench/people --record
 	-$(BIN)/python benchmarks/among_people.py bench/people --record
 	-$(BIN)/python benchmarks/drawn_walks.py bench/drawn_walks --record
+	-$(BIN)/python benchmarks/spoilt_walks.py bench/drawn_walks --record
 	-$(BIN)/python benchmarks/composed.py bench/composed $(DESK) --record
 	-$(BIN)/python benchmarks/short_range.py bench/short_range --record
 	-$(BIN)/python benchmarks/verdicts.py bench/verdicts --record
