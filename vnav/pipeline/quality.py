@@ -83,7 +83,7 @@ def assess(folder: MapFolder, config: Config) -> Quality:
     loops, rejected = _loops(folder)
     against = _against(rejected, poses, seen, sensor, _sensor_errors(optimised, len(cameras)))
     unborne = unborne_steps(rows, odometry.motions, poses, seen, registration)
-    unsure, wrong = unsure_rows(odometry), _wrong_fits(optimised)
+    unsure, wrong = unsure_rows(odometry, poses), _wrong_fits(optimised)
     jumped = jumps(odometry.frames, poses, np.zeros_like(odometry.segment))
     posed = int(np.isfinite(poses[:, 0, 0]).sum())
     told = (
@@ -123,10 +123,13 @@ def agreement(revisits: int, loops: int, odometry: Odometry, posed: int) -> str:
     return f"no fault in {', '.join(told) or 'a single frame'}{drift}{part}"
 
 
-def unsure_rows(odometry: Odometry) -> NDArray[np.intp]:
-    """Frames none of whose motions from earlier ones is likely to be right."""
-    best = best_into(odometry.edges)
-    return np.array(sorted(row for row, p in best.items() if p < UNSURE), np.intp)
+def unsure_rows(odometry: Odometry, T_world_camera: Array) -> NDArray[np.intp]:
+    """Frames in the map none of whose motions from earlier ones is likely to be right.
+
+    ``T_world_camera`` (N, 4, 4), NaN of frames that are not in it.
+    """
+    best, posed = best_into(odometry.edges), np.isfinite(T_world_camera[:, 0, 0])
+    return np.array(sorted(row for row, p in best.items() if p < UNSURE and posed[row]), np.intp)
 
 
 def are_joined(first_rows: NDArray[np.intp], loops: Sequence[Edge]) -> bool:
