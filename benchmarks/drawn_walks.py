@@ -10,9 +10,10 @@ called good, or a photo's place is wrong.
 
 import argparse
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from accuracy import NOT_LOCATED, built, errors, frames_of, photos_found, poses_in, vnav
@@ -40,6 +41,7 @@ WIDTHS = 320, 424, 640
 MOST_FRAMES = 600
 STAYING_FRAMES = 300
 PHOTOS = 8
+TRAJECTORY = "optimise/trajectory_0.tum"  # of a map
 
 Rng = np.random.Generator
 
@@ -142,45 +144,73 @@ def T_truth_world(capture: Path, file: Path) -> np.ndarray:
     return np.asarray(T[np.argmin(off_rad)])
 
 
+def folders(out: Path, seed: int, config: str) -> tuple[Path, Path]:
+    """Of a recording and of its map; what they lie in is made."""
+    found = out / "captures" / f"{seed}", out / (config or "maps") / f"{seed}"
+    for folder in found:
+        folder.parent.mkdir(parents=True, exist_ok=True)
+    return found
+
+
+def built_of(capture: Path, map_of: Path, config: str) -> dict[str, Any]:
+    """The score of a recording's map by a preset; the map is made where it is not there."""
+    built(capture, map_of, *(["--config", config] if config else []))
+    return vnav("score", map_of / TRAJECTORY, capture / "groundtruth.txt")
+
+
+def of_poses(
+    on: str, what: str, spec: CaptureSpec, capture: Path, map_of: Path, score: dict[str, Any]
+) -> Iterator[Measurement]:
+    """A map's poses against the truth, and what the map says of itself."""
+    off_m, wrong_m = score["ate_m"]["rmse"], WRONG * score["path_truth_m"]
+    if spec.motion:
+        wrong_m = max(wrong_m, MOST_M)
+    yield Measurement(on, what, "frames", frames_of(capture))
+    yield Measurement(on, what, "frames with a pose", poses_in(map_of / TRAJECTORY))
+    yield Measurement(on, what, "ATE RMSE", off_m, "m")
+    yield from of_verdict(on, what, off_m, wrong_m, is_doubtful(MapFolder(map_of)))
+
+
 def measured(seed: int, out: Path, config: str) -> Iterator[Measurement]:
     """One recording: its map against the truth, and what the map says of itself."""
     spec = spec_of(seed)
     on, what = f"{seed}: {told(spec)}", f"vnav {config}".strip()
-    capture = rendered(out / "captures" / f"{seed}", spec)
-    map_of = out / (config or "maps") / f"{seed}"
-    built(capture, map_of, *(["--config", config] if config else []))
-    file, frames = map_of / "optimise" / "trajectory_0.tum", frames_of(capture)
-    score = vnav("score", file, capture / "groundtruth.txt")
-    off_m, wrong_m = score["ate_m"]["rmse"], WRONG * score["path_truth_m"]
-    if spec.motion:
-        wrong_m = max(wrong_m, MOST_M)
-    folder = MapFolder(map_of)
-    yield Measurement(on, what, "frames", frames)
-    yield Measurement(on, what, "frames with a pose", poses_in(file))
-    yield Measurement(on, what, "ATE RMSE", off_m, "m")
-    yield from of_verdict(on, what, off_m, wrong_m, is_doubtful(folder))
-    moving = folder.report("odometry")["values"]["moving"]["mean"]
+    folder, map_of = folders(out, seed, config)
+    capture = rendered(folder, spec)
+    score = built_of(capture, map_of, config)
+    yield from of_poses(on, what, spec, capture, map_of, score)
+    moving = MapFolder(map_of).report("odometry")["values"]["moving"]["mean"]
     yield Measurement(on, what, "masked", 100 * moving, "%")
-    aligned = T_truth_world(capture, file) if spec.motion else np.array(score["T_truth_world"])
+    stays, truth = bool(spec.motion), score["T_truth_world"]
+    aligned = T_truth_world(capture, map_of / TRAJECTORY) if stays else np.array(truth)
     yield of_grid(on, what, capture, map_of, aligned)
     answers = vnav("locate", capture / "photos", "--map", map_of, expected=(0, NOT_LOCATED))
     off = errors(answers, capture / "photos", aligned)
     yield from photos_found(on, len(answers), off)
 
 
-def main(arguments: Sequence[str] | None = None) -> int:
-    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
+def run(
+    name: str,
+    about: str,
+    measure: Callable[[int, Path, str], Iterator[Measurement]],
+    arguments: Sequence[str] | None,
+    walks: int,
+) -> int:
+    """Measure recordings, one after the other, by their seeds; the exit code."""
+    parser = argparse.ArgumentParser(description=about.split("\n")[0])
     parser.add_argument("out", type=Path, help="of captures and maps, which are made once")
     parser.add_argument("--first", type=int, default=0, help="seed")
-    parser.add_argument("--walks", type=int, default=20)
+    parser.add_argument("--walks", type=int, default=walks)
     parser.add_argument("--config", default="", help="a preset; the default without")
     add_record_option(parser)
     asked = parser.parse_args(arguments)
-    for name in ("captures", asked.config or "maps"):
-        (asked.out / name).mkdir(parents=True, exist_ok=True)
     seeds = range(asked.first, asked.first + asked.walks)
-    found = [m for seed in seeds for m in measured(seed, asked.out, asked.config)]
-    return conclude("_".join(filter(None, ("drawn_walks", asked.config))), found, asked, arguments)
+    found = [m for seed in seeds for m in measure(seed, asked.out, asked.config)]
+    return conclude("_".join(filter(None, (name, asked.config))), found, asked, arguments)
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    return run("drawn_walks", __doc__, measured, arguments, 20)
 
 
 if __name__ == "__main__":

@@ -3,12 +3,12 @@
     python benchmarks/spoilt_walks.py OUT [--first 0] [--walks 12] [--config fast] [--record]
 
 Renderings have a steady hand, a pinhole camera and even light. This takes the recordings of
-drawn_walks.py from OUT/captures, rendered where they are not there, and writes each to OUT/spoilt
-with some of `FAULTS`. It maps them by `vnav build-map` to OUT/spoilt_maps, or to one named as the
-preset is, each once, and scores the trajectory. Exit code 1 where a wrong map is called good.
+drawn_walks.py from OUT/captures, rendered where they are not there, and writes each to
+OUT/spoilt/captures with some of `FAULTS`. It maps them by `vnav build-map` to OUT/spoilt/maps, or
+to one named as the preset is, each once, and scores the trajectory. Exit code 1 where a wrong map
+is called good.
 """
 
-import argparse
 import sys
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -17,20 +17,15 @@ from pathlib import Path
 
 import cv2
 import numpy as np
-from accuracy import built, frames_of, poses_in, vnav
-from among_people import MOST_M
-from drawn_walks import spec_of, told
-from hard_versions import Image, Source, write, write_camera
+from drawn_walks import built_of, folders, of_poses, run, spec_of, told
+from hard_versions import Image, Source, write, write_camera, write_turned
 from numpy.typing import NDArray
 from people import rendered
-from recording import Measurement, add_record_option, conclude
-from verdicts import WRONG, is_doubtful, of_verdict
+from recording import Measurement
 
 from vnav.core import se3
 from vnav.core.camera import Camera, Intrinsics
-from vnav.core.trajectory import Trajectory
-from vnav.io.formats.trajectories import read_tum, write_tum
-from vnav.io.store.map_folder import MapFolder
+from vnav.io.formats.trajectories import read_tum
 
 FAULTS = ("hand", "lens", "corners", "balance", "bands", "steps", "flying", "lost")
 SHARE = 0.4  # of the recordings that have each
@@ -86,10 +81,8 @@ class Recorder:
         """Of its pixels (H, W, 3)."""
         width, height = self.camera.size
         pixels = np.stack(np.meshgrid(np.arange(width), np.arange(height)), -1).reshape(-1, 1, 2)
-        fx, fy, cx, cy = self.camera.pinhole
-        K = np.array([[fx, 0, cx], [0, fy, cy], [0, 0, 1]])
         bent = np.array(self.camera.distortion or (0.0, 0, 0, 0))
-        x, y = cv2.undistortPoints(pixels.astype(float), K, bent).reshape(-1, 2).T
+        x, y = cv2.undistortPoints(pixels.astype(float), self.camera.K, bent).reshape(-1, 2).T
         return np.stack([x, y, np.ones_like(x)], -1).reshape(height, width, 3)
 
     @cached_property
@@ -104,10 +97,9 @@ class Recorder:
 
     def _places(self, row: int) -> tuple[NDArray[np.float32], NDArray[np.float32], Array]:
         """Where its pixels lie in the rendered image, and how far along their rays 1 m is."""
-        x, y, z = np.moveaxis(self.rays @ self.turns[row].T, -1, 0)
-        fx, fy, cx, cy = self.source.camera.color.pinhole
-        u, v = (fx * x / z + cx).astype(np.float32), (fy * y / z + cy).astype(np.float32)
-        return u, v, z
+        rays = self.rays @ self.turns[row].T
+        u, v = np.moveaxis(self.source.camera.color.project(rays).astype(np.float32), -1, 0)
+        return u, v, rays[..., 2]
 
     def color(self, row: int, image: Image) -> Image:
         """What it makes of a colour image (H, W, 3)."""
@@ -159,9 +151,7 @@ def spoilt(capture: Path, seed: int, folder: Path) -> Recorder:
     truth = read_tum(capture / "groundtruth.txt")
     frame = np.abs(truth.stamps_s[:, None] - recorder.source.stamps_s).argmin(1)
     T_rendered_turned = np.array([se3.make(R, np.zeros(3)) for R in recorder.turns[frame]])
-    (draft / "groundtruth.txt").unlink()
-    turned = Trajectory(truth.stamps_s, truth.T_world_camera @ T_rendered_turned)
-    write_tum(draft / "groundtruth.txt", turned)
+    write_turned(draft / "groundtruth.txt", truth, T_rendered_turned)
     draft.rename(folder)
     return recorder
 
@@ -169,35 +159,16 @@ def spoilt(capture: Path, seed: int, folder: Path) -> Recorder:
 def measured(seed: int, out: Path, config: str) -> Iterator[Measurement]:
     """One recording: its map against the truth, and what the map says of itself."""
     spec = spec_of(seed)
-    rendering = rendered(out / "captures" / f"{seed}", spec)
-    capture, map_of = out / "spoilt" / f"{seed}", out / (config or "spoilt_maps") / f"{seed}"
+    rendering = rendered(folders(out, seed, config)[0], spec)
+    capture, map_of = folders(out / "spoilt", seed, config)
     faults = " ".join(spoilt(rendering, seed, capture).faults)
     on, what = f"{seed}: {told(spec)}; {faults}", f"vnav {config}".strip()
-    built(capture, map_of, *(["--config", config] if config else []))
-    file = map_of / "optimise" / "trajectory_0.tum"
-    score = vnav("score", file, capture / "groundtruth.txt")
-    off_m, wrong_m = score["ate_m"]["rmse"], WRONG * score["path_truth_m"]
-    if spec.motion:
-        wrong_m = max(wrong_m, MOST_M)
-    yield Measurement(on, what, "frames", frames_of(capture))
-    yield Measurement(on, what, "frames with a pose", poses_in(file))
-    yield Measurement(on, what, "ATE RMSE", off_m, "m")
-    yield from of_verdict(on, what, off_m, wrong_m, is_doubtful(MapFolder(map_of)))
+    score = built_of(capture, map_of, config)
+    yield from of_poses(on, what, spec, capture, map_of, score)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
-    parser.add_argument("out", type=Path, help="of captures and maps, which are made once")
-    parser.add_argument("--first", type=int, default=0, help="seed")
-    parser.add_argument("--walks", type=int, default=12)
-    parser.add_argument("--config", default="", help="a preset; the default without")
-    add_record_option(parser)
-    asked = parser.parse_args(arguments)
-    for name in ("captures", "spoilt", asked.config or "spoilt_maps"):
-        (asked.out / name).mkdir(parents=True, exist_ok=True)
-    seeds = range(asked.first, asked.first + asked.walks)
-    found = [m for seed in seeds for m in measured(seed, asked.out, asked.config)]
-    return conclude("_".join(filter(None, ("spoilt_walks", asked.config))), found, asked, arguments)
+    return run("spoilt_walks", __doc__, measured, arguments, 12)
 
 
 if __name__ == "__main__":

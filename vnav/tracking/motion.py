@@ -52,7 +52,6 @@ class ConstantVelocity:
 
     def __init__(self) -> None:
         self._T_start_camera: dict[int, Array] = {}
-        self._last = -1
         self._steps: deque[_PastStep] = deque(maxlen=REMEMBERED)  # of this track, the newest last
         self._next_s = 0.0
         self._T_last_next = np.eye(4)
@@ -91,7 +90,7 @@ class ConstantVelocity:
             self._steps.clear()
             pose, step, took_s = np.eye(4), np.eye(4), 0.0
         self._steps.append(_PastStep(pose, step, took_s, self._next_s, probability))
-        self._T_start_camera[row], self._last = pose, row
+        self._T_start_camera[row] = pose
 
     @property
     def poses(self) -> Mapping[int, Array]:
@@ -104,7 +103,7 @@ class ConstantVelocity:
 
         By a motion that was suggested, if the motion goes on, and if the camera rests.
         """
-        T_start_last = self._T_start_camera[self._last]
+        T_start_last = self._steps[-1].T_start_camera
         suggested = [] if self._T_suggested is None else [self._T_suggested]
         return [T_start_last @ T for T in (*suggested, self._T_last_next)] + [T_start_last]
 
