@@ -53,11 +53,15 @@ def drawn(seed: int) -> CaptureSpec:
 
 
 def spec_of(seed: int) -> CaptureSpec:
-    """What is recorded by one seed; fewer people where so many cannot be in view."""
-    spec = drawn(seed)
+    """What is recorded by one seed."""
+    return with_room(drawn(seed))
+
+
+def with_room(spec: CaptureSpec) -> CaptureSpec:
+    """The same with fewer people, where so many cannot be in view."""
     while spec.walkers:
         try:
-            with_walkers(SCENES[spec.scene](seed), spec)
+            with_walkers(SCENES[spec.scene](spec.seed), spec)
         except CaptureError:
             spec = replace(spec, walkers=spec.walkers - 1, walker_share=spec.walker_share / 2)
         else:

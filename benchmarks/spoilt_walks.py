@@ -4,9 +4,10 @@
 
 Renderings have a steady hand, a pinhole camera and even light. This takes the recordings of
 drawn_walks.py from OUT/captures, rendered where they are not there, and writes each to
-OUT/spoilt/captures with some of `FAULTS`. It maps them by `vnav build-map` to OUT/spoilt/maps, or
-to one named as the preset is, each once, and scores the trajectory. Exit code 1 where a wrong map
-is called good.
+OUT/spoilt/captures with some of `FAULTS`. A hand that trembles is rendered, in OUT/trembling, so
+that a late depth image sees it later. It maps them by `vnav build-map` to OUT/spoilt/maps, or to
+one named as the preset is, each once, and scores the trajectory. Exit code 1 where a wrong map is
+called good.
 """
 
 import sys
@@ -17,24 +18,42 @@ from pathlib import Path
 
 import cv2
 import numpy as np
-from drawn_walks import built_of, folders, of_poses, run, spec_of, told
-from hard_versions import Image, Source, write, write_camera, write_turned
+from drawn_walks import built_of, drawn, folders, of_poses, run, told, with_room
+from hard_versions import Image, Source, write, write_camera
 from numpy.typing import NDArray
 from people import rendered
 from recording import Measurement
 
-from vnav.core import se3
 from vnav.core.camera import Camera, Intrinsics
-from vnav.io.formats.trajectories import read_tum
+from vnav.synthetic import CaptureSpec
 
 FAULTS = ("hand", "lens", "corners", "balance", "bands", "steps", "flying", "lost")
 SHARE = 0.4  # of the recordings that have each
-TREMOR_RAD, ROLL_RAD = 0.026, 0.26  # at most
-ZOOM = 1.3  # so that no place of a turned or bent image lies outside of the rendered one
+TREMOR_DEG, ROLL_DEG = (0.3, 1.5), (0, 15)  # of a hand
+ZOOM = 1.3  # so that no place of a bent image lies outside of the rendered one
 BASELINE_M, STEP_PX = 0.075, 1 / 8  # of a sensor that measures disparities
 EDGE_M, FLYING = 0.1, 0.4  # of depth; share of the pixels there that hang between
 
 Array = NDArray[np.float64]
+
+
+def rng_of(seed: int, *of: int) -> np.random.Generator:
+    """Of what a seed draws."""
+    return np.random.default_rng([seed, 91, *of])
+
+
+def faults_of(seed: int) -> tuple[str, ...]:
+    """Those of `FAULTS` that a seed draws; one at least."""
+    rng = rng_of(seed)
+    drawn = tuple(fault for fault in FAULTS if rng.random() < SHARE)
+    return drawn or (str(rng.choice(FAULTS)),)
+
+
+def trembling(spec: CaptureSpec) -> CaptureSpec:
+    """The same recording by a hand that trembles and rolls."""
+    rng = rng_of(spec.seed, 2)
+    tremor_deg, roll_deg = rng.uniform(*TREMOR_DEG), rng.uniform(*ROLL_DEG)
+    return replace(spec, tremor_deg=tremor_deg, roll_deg=roll_deg)
 
 
 @dataclass(frozen=True)
@@ -43,38 +62,18 @@ class Recorder:
 
     source: Source
     seed: int
-
-    def _rng(self, *of: int) -> np.random.Generator:
-        return np.random.default_rng([self.seed, 91, *of])
-
-    @cached_property
-    def faults(self) -> tuple[str, ...]:
-        """Those of `FAULTS` that it has; one at least."""
-        rng = self._rng()
-        drawn = tuple(fault for fault in FAULTS if rng.random() < SHARE)
-        return drawn or (str(rng.choice(FAULTS)),)
+    faults: tuple[str, ...]
 
     @cached_property
     def camera(self) -> Intrinsics:
         """What it records with: rendered pixels, nearer, and bent by a lens."""
-        rng, camera = self._rng(1), self.source.camera.color
-        zoom = ZOOM if {"hand", "lens"} & set(self.faults) else 1.0
-        k1 = rng.uniform(-0.25, 0.15)
-        bent = (k1, -0.2 * k1, *rng.normal(0, 5e-4, 2)) if "lens" in self.faults else ()
-        distortion = tuple(float(k) for k in bent)
-        return replace(camera, fx=zoom * camera.fx, fy=zoom * camera.fy, distortion=distortion)
-
-    @cached_property
-    def turns(self) -> Array:
-        """How each frame is turned (N, 3, 3) against the rendered one: a hand trembles, rolls."""
-        rng, t = self._rng(2), self.source.stamps_s - self.source.stamps_s[0]
-        if "hand" not in self.faults:
-            return np.broadcast_to(np.eye(3), (len(t), 3, 3))
-        rate, phase = rng.uniform(0.5, 4, (2, 3)), rng.uniform(0, 2 * np.pi, (2, 3))
-        waves = np.sin(2 * np.pi * rate * t[:, None, None] + phase).sum(1) / 2
-        angles = waves * rng.uniform(0.2, 1, 3) * TREMOR_RAD
-        angles[:, 2] += rng.uniform(0, ROLL_RAD) * np.sin(2 * np.pi * t / rng.uniform(4, 12))
-        return np.array([se3.exp_so3(angle) for angle in angles])
+        camera = self.source.camera.color
+        if "lens" not in self.faults:
+            return camera
+        rng = rng_of(self.seed, 1)
+        k1 = float(rng.uniform(-0.25, 0.15))
+        distortion = (k1, -0.2 * k1, *rng.normal(0, 5e-4, 2).tolist())
+        return replace(camera, fx=ZOOM * camera.fx, fy=ZOOM * camera.fy, distortion=distortion)
 
     @cached_property
     def rays(self) -> Array:
@@ -88,26 +87,25 @@ class Recorder:
     @cached_property
     def rows(self) -> list[int]:
         """Frames that are not lost: bursts of up to half a second are."""
-        rng, stamps_s = self._rng(3), self.source.stamps_s
+        rng, stamps_s = rng_of(self.seed, 3), self.source.stamps_s
         kept = np.ones(len(stamps_s), bool)
         longest = max(2, round(0.5 / float(np.median(np.diff(stamps_s)))))
         for first in rng.integers(5, len(kept) - 10, rng.integers(2, 7)):
             kept[first : first + rng.integers(1, longest)] = "lost" not in self.faults
         return np.flatnonzero(kept).tolist()
 
-    def _places(self, row: int) -> tuple[NDArray[np.float32], NDArray[np.float32], Array]:
-        """Where its pixels lie in the rendered image, and how far along their rays 1 m is."""
-        rays = self.rays @ self.turns[row].T
-        u, v = np.moveaxis(self.source.camera.color.project(rays).astype(np.float32), -1, 0)
-        return u, v, rays[..., 2]
+    @cached_property
+    def places(self) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+        """Where its pixels lie in the rendered image: u and v (H, W)."""
+        u, v = np.moveaxis(self.source.camera.color.project(self.rays), -1, 0)
+        return u.astype(np.float32), v.astype(np.float32)
 
     def color(self, row: int, image: Image) -> Image:
         """What it makes of a colour image (H, W, 3)."""
-        u, v, _ = self._places(row)
-        seen = cv2.remap(image, u, v, cv2.INTER_LINEAR).astype(float)
+        seen = cv2.remap(image, *self.places, cv2.INTER_LINEAR).astype(float)
         height, width = seen.shape[:2]
         y, x = np.mgrid[:height, :width]
-        rng, t = self._rng(4), self.source.stamps_s[row]
+        rng, t = rng_of(self.seed, 4), self.source.stamps_s[row]
         if "corners" in self.faults:
             r2 = ((x - width / 2) ** 2 + (y - height / 2) ** 2) / (width / 2) ** 2
             seen *= (1 - rng.uniform(0.15, 0.3) * r2)[..., None]
@@ -121,11 +119,10 @@ class Recorder:
 
     def depth(self, row: int, image: Image) -> Image:
         """What it makes of a depth image (H, W), in the units of the source."""
-        u, v, along = self._places(row)
         units = self.source.camera.units_per_metre
-        depth_m = cv2.remap(image.astype(np.float32), u, v, cv2.INTER_NEAREST) / along / units
+        depth_m = cv2.remap(image.astype(np.float32), *self.places, cv2.INTER_NEAREST) / units
         if "flying" in self.faults:
-            rng, around = self._rng(5, row), np.ones((3, 3))
+            rng, around = rng_of(self.seed, 5, row), np.ones((3, 3))
             farthest = cv2.dilate(depth_m, around)
             nearest = cv2.erode(np.where(depth_m > 0, depth_m, np.inf), around)
             hangs = (depth_m > 0) & (farthest - nearest > EDGE_M)
@@ -139,30 +136,27 @@ class Recorder:
         return np.clip(np.round(depth_m * units), 0, 65535).astype(np.uint16)
 
 
-def spoilt(capture: Path, seed: int, folder: Path) -> Recorder:
-    """The recorder, whose capture is written where it is not there."""
-    recorder = Recorder(Source.open(capture), seed)
-    if folder.is_dir():
-        return recorder
-    draft = folder.with_name(f"{folder.name}.draft")
-    write(recorder.source, draft, recorder.rows, recorder.color, recorder.depth)
-    units = recorder.source.camera.units_per_metre
-    write_camera(draft / "camera.toml", Camera(recorder.camera, units))
-    truth = read_tum(capture / "groundtruth.txt")
-    frame = np.abs(truth.stamps_s[:, None] - recorder.source.stamps_s).argmin(1)
-    T_rendered_turned = np.array([se3.make(R, np.zeros(3)) for R in recorder.turns[frame]])
-    write_turned(draft / "groundtruth.txt", truth, T_rendered_turned)
-    draft.rename(folder)
-    return recorder
+def spoilt(recorder: Recorder, folder: Path) -> Path:
+    """The capture's folder, written where it is not there."""
+    if not folder.is_dir():
+        source, draft = recorder.source, folder.with_name(f"{folder.name}.draft")
+        write(source, draft, recorder.rows, recorder.color, recorder.depth)
+        camera = Camera(recorder.camera, source.camera.units_per_metre)
+        write_camera(draft / "camera.toml", camera)
+        draft.rename(folder)
+    return folder
 
 
 def measured(seed: int, out: Path, config: str) -> Iterator[Measurement]:
     """One recording: its map against the truth, and what the map says of itself."""
-    spec = spec_of(seed)
-    rendering = rendered(folders(out, seed, config)[0], spec)
-    capture, map_of = folders(out / "spoilt", seed, config)
-    faults = " ".join(spoilt(rendering, seed, capture).faults)
-    on, what = f"{seed}: {told(spec)}; {faults}", f"vnav {config}".strip()
+    spec, faults, where = drawn(seed), faults_of(seed), out
+    if "hand" in faults:
+        spec, where = trembling(spec), out / "trembling"
+    spec = with_room(spec)
+    rendering = rendered(folders(where, seed, config)[0], spec)
+    folder, map_of = folders(out / "spoilt", seed, config)
+    capture = spoilt(Recorder(Source.open(rendering), seed, faults), folder)
+    on, what = f"{seed}: {told(spec)}; {' '.join(faults)}", f"vnav {config}".strip()
     score = built_of(capture, map_of, config)
     yield from of_poses(on, what, spec, capture, map_of, score)
 

@@ -81,11 +81,12 @@ def test_without_delay_and_exposure_the_picture_is_that_of_a_still_camera(post: 
     np.testing.assert_array_equal(color, post.render_color(CAMERA, panning(np.zeros(1))[0]))
 
 
-def test_depth_is_of_where_the_camera_is_when_it_is_measured() -> None:
+@pytest.mark.parametrize("tremor_deg", [0.0, 1.5])
+def test_depth_is_of_where_the_camera_is_when_it_is_measured(tremor_deg: float) -> None:
     """A whole frame later: what the next frame's place shows."""
     scene = one_room(0)
     late = Sensor(depth_delay_s=1 / MINIATURE.rate_hz)
-    spec = dataclasses.replace(MINIATURE, sensor=late)
+    spec = dataclasses.replace(MINIATURE, sensor=late, tremor_deg=tremor_deg)
     color, depth_m = exposed_frame(scene, spec, 7)
     here, there = camera_poses(scene, spec)[7:9]
     np.testing.assert_allclose(depth_m, scene.render_depth(spec.camera, there), atol=1e-6)
@@ -110,6 +111,16 @@ def test_the_hand_pans_at_up_to_120_degrees_a_second() -> None:
     fastest = np.rad2deg(se3.rotation_angle(steps)).max() * HANDHELD.rate_hz
     assert 100 < fastest < 121
     assert np.linalg.norm(steps[:, :3, 3], axis=1).max() * HANDHELD.rate_hz < 1.0
+
+
+def test_a_hand_that_trembles_and_rolls_turns_the_camera_where_it_is() -> None:
+    scene, tremor_deg, roll_deg = one_room(0), 1.5, 12.0
+    shaken = dataclasses.replace(HANDHELD, tremor_deg=tremor_deg, roll_deg=roll_deg)
+    T = se3.inverse(camera_poses(scene, HANDHELD)) @ camera_poses(scene, shaken)
+    np.testing.assert_allclose(T[:, :3, 3], 0, atol=1e-9)
+    about_x, about_y, about_z = np.abs(np.rad2deg(se3.log_so3(T[:, :3, :3]))).max(0)
+    assert 0.5 * tremor_deg < max(about_x, about_y) <= tremor_deg
+    assert 0.8 * roll_deg < about_z <= roll_deg + tremor_deg
 
 
 def test_a_slice_of_the_exposure_moves_the_picture_by_a_pixel_at_most() -> None:

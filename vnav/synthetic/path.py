@@ -9,6 +9,7 @@ from vnav.core import se3
 
 STEP_RAD_PER_M = 1.0  # one radian takes as many frames as one metre
 LENGTH_SAMPLES = 1000  # of a curve whose length is measured
+TREMOR_HZ, ROLL_S = (0.5, 4.0), (4.0, 12.0)  # how fast a hand trembles, how slowly it rolls
 
 
 @dataclass(frozen=True)
@@ -66,6 +67,20 @@ def look(
     R = np.stack([right, np.cross(forward, right), forward], -1)
     about_view = se3.exp_so3(roll[..., None] * np.array([0.0, 0, 1]))
     return se3.make(R @ about_view, positions)
+
+
+def trembling(
+    at_s: NDArray[np.float64], tremor_rad: float, roll_rad: float, rng: np.random.Generator
+) -> NDArray[np.float64]:
+    """How a hand turns the camera (M, 4, 4) at times (M,): it trembles about each axis, and rolls.
+
+    Below so many radians about each axis; about the view, both add up.
+    """
+    rates_hz, phases = rng.uniform(*TREMOR_HZ, (2, 3)), rng.uniform(0, 2 * np.pi, (2, 3))
+    waves = np.sin(2 * np.pi * rates_hz * at_s[:, None, None] + phases).mean(1)
+    rolled = np.sin(2 * np.pi * at_s / rng.uniform(*ROLL_S))
+    turns = tremor_rad * waves + roll_rad * rolled[:, None] * np.array([0.0, 0, 1])
+    return se3.make(se3.exp_so3(turns), np.zeros(3))
 
 
 def _closed_curve(

@@ -21,7 +21,7 @@ from vnav.core.progress import Progress, silent
 from vnav.errors import CaptureError
 from vnav.io.formats.grid_files import write_grid
 from vnav.synthetic.masks import write_masks
-from vnav.synthetic.path import Hand, look, walk
+from vnav.synthetic.path import Hand, look, trembling, walk
 from vnav.synthetic.people import Mover, Peopled, peopled
 from vnav.synthetic.scene import Scene
 from vnav.synthetic.scenes import SCENES
@@ -59,6 +59,8 @@ class CaptureSpec:
     pitch_deg: float = -18.0
     pan_deg: float = 0.0  # to either side
     pan_s: float = 2.0  # there and back
+    tremor_deg: float = 0.0  # at most, about each axis
+    roll_deg: float = 0.0  # at most, to either side and slowly
     motion: str = ""  # of a camera that stays where the tour begins, of `staying.MOTIONS`
     walkers: int = 0
     walker_share: float = 0.2
@@ -186,8 +188,11 @@ def _poses(
     hand = Hand(spec.height_m, spec.pitch_deg, spec.pan_deg, spec.pan_s * spec.rate_hz)
     tour, rng = np.array(scene.tour), _rng(spec, 0)
     if spec.motion:
-        return stay(spec.motion, tour[0], hand, rng, at / spec.rate_hz)
-    return walk(tour, spec.frames, hand, rng, at)
+        T = stay(spec.motion, tour[0], hand, rng, at / spec.rate_hz)
+    else:
+        T = walk(tour, spec.frames, hand, rng, at)
+    shaken = np.deg2rad(spec.tremor_deg), np.deg2rad(spec.roll_deg)
+    return T @ trembling(at / spec.rate_hz, *shaken, _rng(spec, 5))
 
 
 def photo_poses(scene: Scene, spec: CaptureSpec) -> NDArray[np.float64]:
