@@ -75,11 +75,36 @@ def test_beside_a_depth_edge_the_narrow_window_gives_the_depth(beside_px: int) -
     np.testing.assert_allclose(points @ np.array(STEEP[0]), STEEP[1], rtol=1e-6)
 
 
-def test_noise_of_the_sensor_is_no_edge() -> None:
-    # The largest of 25 residuals exceeds 4 sigma in 25 * 6e-5 = 0.2 % of the narrow windows.
-    noise = np.random.default_rng(2).normal(0, CONFIG.depth_sigma_per_m2, plane(*STEEP).shape)
-    depth = (1 / (1 / plane(*STEEP) + noise)).astype(np.float32)
+def noisy(depth: np.ndarray, times: float) -> np.ndarray:
+    """With so many times the noise of the settings."""
+    sigma = times * CONFIG.depth_sigma_per_m2
+    noise = np.random.default_rng(2).normal(0, sigma, depth.shape)
+    return (1 / (1 / depth + noise)).astype(np.float32)
+
+
+@pytest.mark.parametrize("times", [1.0, 2.0, 6.0])
+def test_noise_of_the_sensor_is_no_edge_however_much_it_is(times: float) -> None:
+    # The largest of 25 residuals exceeds 4 sigma in 25 * 6e-5 = 0.2 % of the narrow windows. The
+    # noise that the smoothest quarter of the windows shows, of 81 pixels each, is 0.95 sigma.
+    depth = noisy(plane(*STEEP), times)
     assert np.isfinite(lift(keypoints(), depth, CAMERA, CONFIG)[:, 2]).mean() > 0.98
+
+
+@pytest.mark.parametrize("times", [1.0, 2.0])
+def test_an_edge_is_refused_in_noise_too(times: float) -> None:
+    # As above, of the noise that the image shows: its first windows lie on the edge, 15 do not.
+    depth = np.full((CAMERA.height, CAMERA.width), 2.0, np.float32)
+    depth[:, 80:] = 1 / (0.5 - 12 * times * CONFIG.depth_sigma_per_m2)
+    beside = np.stack([np.full(100, 80.0), np.linspace(5, 114, 100)], 1)
+    points = lift(beside, noisy(depth, times), CAMERA, CONFIG)
+    assert np.isnan(points[:, 2]).mean() > 0.9
+
+
+def test_an_image_full_of_edges_does_not_take_them_for_noise() -> None:
+    depth = np.full((CAMERA.height, CAMERA.width), 2.0, np.float32)
+    depth[:, 80:] = 1 / (0.5 - 12 * CONFIG.depth_sigma_per_m2 * (np.arange(80) // 5 % 2))
+    edges = np.stack([np.full(100, 120.0), np.linspace(5, 114, 100)], 1)
+    assert np.isnan(lift(edges, noisy(depth, 1.0), CAMERA, CONFIG)[:, 2]).all()
 
 
 def test_the_window_averages_the_noise_of_the_sensor() -> None:

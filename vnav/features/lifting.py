@@ -9,6 +9,8 @@ from vnav.core.camera import Intrinsics
 
 FILLED = 0.6  # share of the window that must have depth
 EDGE_SIGMAS = 4.0  # a pixel farther off the plane lies on another surface
+NOISE_WINDOWS = 16  # a row and a column of them tell an image's noise
+SMOOTH = 0.25  # share of them that lie on one surface at least
 
 
 def lift(
@@ -42,11 +44,38 @@ def inverse_depth_planes(
     """
     px = np.ascontiguousarray(keypoints_px, np.float64)
     depth_m = np.ascontiguousarray(depth_m, np.float32)
-    limits = EDGE_SIGMAS * config.depth_sigma_per_m2, float(np.float32(max_depth_m))
-    planes = _planes(px, depth_m, config.depth_window_px // 2, *limits)
+    reach, farthest_m = config.depth_window_px // 2, float(np.float32(max_depth_m))
+    sigma = max(config.depth_sigma_per_m2, _noise(depth_m, reach, farthest_m))
+    limits = EDGE_SIGMAS * sigma, farthest_m
+    planes = _planes(px, depth_m, reach, *limits)
     refused = np.isnan(planes[:, 0])
     planes[refused] = _planes(px[refused], depth_m, config.edge_window_px // 2, *limits)
     return planes
+
+
+def _noise(depth_m: NDArray[np.float32], reach: int, max_depth_m: float) -> float:
+    """Standard deviation of inverse depth, 1/m, about planes in an image's smoothest places."""
+    shown = _deviations(depth_m, reach, max_depth_m)
+    return float(np.quantile(shown, SMOOTH)) if len(shown) else 0.0
+
+
+@compiled
+def _deviations(
+    depth_m: NDArray[np.float32], reach: int, max_depth_m: float
+) -> NDArray[np.float64]:
+    """Of inverse depth about the plane in each window (N,) of an even grid that has depth."""
+    height, width = depth_m.shape
+    size = 2 * reach + 1
+    window, px = np.zeros((size * size, 3)), np.zeros(2)
+    found, count = np.zeros(NOISE_WINDOWS * NOISE_WINDOWS), 0
+    for k in range(len(found)):
+        px[0] = (k % NOISE_WINDOWS + 0.5) / NOISE_WINDOWS * width
+        px[1] = (k // NOISE_WINDOWS + 0.5) / NOISE_WINDOWS * height
+        filled = _fill(window, px, depth_m, reach, max_depth_m)
+        if filled >= FILLED * size * size:
+            found[count] = np.sqrt(_off(window[:filled], _plane(window[:filled]))[1])
+            count += 1
+    return found[:count]
 
 
 @compiled
@@ -66,7 +95,7 @@ def _planes(
         if count < FILLED * size * size or count < 3:
             continue
         plane = _plane(window[:count])
-        if plane[0] > 0 and _flat(window[:count], plane, limit):
+        if plane[0] > 0 and _off(window[:count], plane)[0] <= limit:
             planes[n] = plane
     return planes
 
@@ -109,10 +138,12 @@ def _plane(window: NDArray[np.float64]) -> tuple[float, float, float]:
 
 
 @compiled
-def _flat(window: NDArray[np.float64], plane: tuple[float, float, float], limit: float) -> bool:
+def _off(window: NDArray[np.float64], plane: tuple[float, float, float]) -> tuple[float, float]:
+    """How far the inverse depths of a window lie off a plane: the farthest, and the mean square."""
     value, slope_x, slope_y = plane
+    farthest, squares = 0.0, 0.0
     for k in range(len(window)):
         x, y, inverse_depth = window[k]
-        if abs(inverse_depth - value - slope_x * x - slope_y * y) > limit:
-            return False
-    return True
+        off = abs(inverse_depth - value - slope_x * x - slope_y * y)
+        farthest, squares = max(farthest, off), squares + off * off
+    return farthest, squares / len(window)
