@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from vnav.core import se3
 from vnav.core.arrays import Array
 from vnav.core.camera import Intrinsics
+from vnav.core.depth_planes import depth_noise
 from vnav.core.frame import Frame, PoseEstimate
 from vnav.core.mapping import FrameFeatures
 from vnav.registration.image_filters import SURFACE_REACH_PX, fitted_surface
@@ -119,7 +120,8 @@ class LocalMap:
     def _surface(self, keyframe: FrameFeatures, frame: Frame) -> Array:
         """Of each feature's 3D point; it faces the camera where it is too rough for a plane."""
         x, y = np.rint(keyframe.features.keypoints_px).astype(np.intp).T
-        slopes = fitted_surface(frame.depth_m, self._depth_sigma, SURFACE_REACH_PX)[y, x, 1:]
+        sigma = max(self._depth_sigma, depth_noise(frame.depth_m, SURFACE_REACH_PX))
+        slopes = fitted_surface(frame.depth_m, sigma, SURFACE_REACH_PX)[y, x, 1:]
         inverse_depth = 1 / keyframe.points_camera[:, 2:].astype(np.float64)
         return np.concatenate([inverse_depth, np.nan_to_num(slopes)], 1)
 
