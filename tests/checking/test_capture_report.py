@@ -105,6 +105,17 @@ def test_a_good_capture_is_usable_and_measured(folder: Folder) -> None:
     assert (report.look.blurred_share, report.look.dark_share) == (0, 0)
 
 
+def test_the_noise_of_depth_is_measured_at_its_median(folder: Folder) -> None:
+    sigma = 0.003  # of inverse depth, 1/m
+    for k in range(FRAMES):
+        noise = np.random.default_rng(k).normal(0, sigma, (HEIGHT, WIDTH))
+        folder.depth(k, np.rint(5000 / (0.5 + noise)).astype(np.uint16))
+    look = require_usable(folder.capture()).look
+    assert look is not None
+    # 4 m2 of inverse depth's; the smoothest quarter shows 7 % less than all.
+    assert look.depth_noise_m == pytest.approx(0.93 * 4 * sigma, rel=0.06)
+
+
 def test_a_damaged_frame_is_named_and_does_no_harm(folder: Folder) -> None:
     damaged, missing = folder.path("depth", 2), folder.path("rgb", 4)
     damaged.write_bytes(damaged.read_bytes()[:-20])

@@ -154,7 +154,10 @@ def _seen(look: FrameFindings, units_per_metre: float) -> list[str]:
     depth = "none"
     if look.depth_m is not None:
         near, middle, far = look.depth_m
-        depth = f"median {middle:.2f} m, nine tenths from {near:.2f} to {far:.2f} m"
+        depth = (
+            f"median {middle:.2f} m (+- {1000 * look.depth_noise_m:.0f} mm of noise), nine tenths"
+            f" from {near:.2f} to {far:.2f} m"
+        )
     return [
         f"depth    {look.valid_depth_share:.0%} of pixels; {depth}"
         f" (units_per_metre = {units_per_metre:g})",

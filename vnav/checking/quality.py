@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from vnav.checking.depth_lag import DepthLag, depth_lag, lagging_profiles, rows_to_compare
 from vnav.checking.depth_shift import DepthShift, EdgeProfiles, depth_shift, edge_profiles
 from vnav.core.arrays import Array
+from vnav.core.depth_planes import depth_noise
 from vnav.core.frame import Frame
 from vnav.core.progress import Progress
 from vnav.errors import CaptureError
@@ -24,6 +25,8 @@ from vnav.io.sources.repeats import Repeats, repeats
 
 SAMPLES = 60  # frames that are decoded and measured, evenly over the capture
 BLURRED, DARK = 0.6, 40.0  # from about 8 px of smear at 640 px width; mean grey level of 255
+
+NOISE_REACH_PX = 4  # of the planes that depth is noisy about
 
 Size = tuple[int, int]  # width, height
 Item = TypeVar("Item")
@@ -66,14 +69,17 @@ class FrameFindings:
     """Depth and colour of the sampled frames.
 
     ``depth_m``: medians over the frames of their 5th, 50th and 95th percentile of depth, None
-    where there was no depth at all. ``depth_shift``: None where edges do not tell; then
-    ``depth_lag``: the frame whose colour it belongs with, None where that is its own.
+    where there was no depth at all. ``depth_noise_m``: its standard deviation at the median depth,
+    steps of the sensor included; it grows with depth squared. ``depth_shift``: None where edges do
+    not tell; then ``depth_lag``: the frame whose colour it belongs with, None where that is its
+    own.
     """
 
     sampled: int
     unreadable: tuple[str, ...]
     valid_depth_share: float
     depth_m: tuple[float, float, float] | None
+    depth_noise_m: float
     blurred_share: float
     dark_share: float
     depth_shift: DepthShift | None
@@ -130,16 +136,17 @@ def look_at_frames(capture: Capture, progress: Progress) -> FrameFindings:
 
     found = list(_in_threads(measure, rows.tolist(), "measuring frames", progress))
     read = [each for each in found if not isinstance(each, CaptureError)]
-    measures = np.array([values for values, _ in read]).reshape(-1, 6)
-    seen = measures[measures[:, 0] > 0, 1:4]
-    near, middle, far = np.median(seen, 0) if len(seen) else (0.0, 0.0, 0.0)
+    measures = np.array([values for values, _ in read]).reshape(-1, 7)
+    seen = measures[measures[:, 0] > 0, 1:5]
+    near, middle, far, noise = np.median(seen, 0).tolist() if len(seen) else [0.0] * 4
     share, blurred, dark = (float(x) for x in _shares(measures))
     shift = depth_shift([profiles for _, profiles in read])
     return FrameFindings(
         len(rows),
         tuple(str(row) for row in found if isinstance(row, CaptureError)),
         share,
-        (float(near), float(middle), float(far)) if len(seen) else None,
+        (near, middle, far) if len(seen) else None,
+        noise * middle**2,
         blurred,
         dark,
         shift,
@@ -187,17 +194,21 @@ def _smear(image: NDArray[np.float32], axis: int) -> float:
 
 
 def _measures(frame: Frame) -> NDArray[np.float64]:
-    """Share of valid depth, its 5th, 50th and 95th percentile, blur, mean grey level."""
+    """Share of valid depth, its 5th, 50th and 95th percentile, noise, blur, mean grey level.
+
+    Noise is that of inverse depth, 1/m.
+    """
     gray = cv2.cvtColor(np.asarray(frame.color), cv2.COLOR_RGB2GRAY)
     valid = frame.depth_m[frame.depth_m > 0]
     depths_m = np.percentile(valid, (5, 50, 95)) if len(valid) else (0.0, 0.0, 0.0)
-    return np.array([valid.size / frame.depth_m.size, *depths_m, blur(gray), gray.mean()])
+    noise = depth_noise(frame.depth_m, NOISE_REACH_PX)
+    return np.array([valid.size / frame.depth_m.size, *depths_m, noise, blur(gray), gray.mean()])
 
 
 def _shares(measures: NDArray[np.float64]) -> tuple[float, float, float]:
     if not len(measures):
         return 0.0, 0.0, 0.0
-    is_blurred, is_dark = measures[:, 4] > BLURRED, measures[:, 5] < DARK
+    is_blurred, is_dark = measures[:, 5] > BLURRED, measures[:, 6] < DARK
     return measures[:, 0].mean(), is_blurred.mean(), is_dark.mean()
 
 
