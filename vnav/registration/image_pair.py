@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 
 from vnav.core.arrays import Array
 from vnav.core.camera import Intrinsics
-from vnav.core.depth_planes import depth_noise
 from vnav.core.frame import Frame
 from vnav.core.reduced_frame import ReducedFrame
 from vnav.registration.image_filters import (
@@ -40,25 +39,20 @@ Image = NDArray[Any]  # grey or colour
 
 @dataclass(frozen=True)
 class ImagePair:
-    """Depth (H, W) of two frames, and their brightness at one exposure.
-
-    ``depth_noise``: of a pixel, 1/m, as far as they show it.
-    """
+    """Depth (H, W) of two frames, and their brightness at one exposure."""
 
     depth_a_m: DepthImage
     depth_b_m: DepthImage
     brightness_a: Array
     brightness_b: Array
     intrinsics: Intrinsics
-    depth_noise: float = 0.0
 
     @classmethod
     def of(cls, a: Frame, b: Frame, intrinsics: Intrinsics) -> "ImagePair":
         """Of whole frames."""
         exposed = _equally_exposed(a.color, b.color)
         grey_a, grey_b = (cv2.cvtColor(c, cv2.COLOR_RGB2GRAY).astype(float) for c in exposed)
-        noise = max(depth_noise(frame.depth_m, SURFACE_REACH_PX) for frame in (a, b))
-        return cls(a.depth_m, b.depth_m, grey_a, grey_b, intrinsics, noise)
+        return cls(a.depth_m, b.depth_m, grey_a, grey_b, intrinsics)
 
     @classmethod
     def of_blocks(cls, a: ReducedFrame, b: ReducedFrame) -> "ImagePair":
@@ -79,9 +73,8 @@ class ImagePair:
 
     def _surfaces(self, blur_px: float, depth_sigma_per_m2: float) -> tuple[Array, Array]:
         reach = max(SURFACE_REACH_PX, round(REACH_OF_BLUR * blur_px))
-        sigma = max(depth_sigma_per_m2, self.depth_noise)
-        surface_a = fitted_surface(self.depth_a_m, sigma, reach)
-        return surface_a, fitted_surface(self.depth_b_m, sigma, reach)
+        surface_a = fitted_surface(self.depth_a_m, depth_sigma_per_m2, reach)
+        return surface_a, fitted_surface(self.depth_b_m, depth_sigma_per_m2, reach)
 
     def _surface_term(self, inverse_depth_a: Array, surface_b: Array, sigma: float) -> ResidualTerm:
         px = _grid(np.isfinite(inverse_depth_a), STRIDE_PX)
