@@ -45,8 +45,8 @@ def rng_of(seed: int, *of: int) -> np.random.Generator:
 def faults_of(seed: int) -> tuple[str, ...]:
     """Those of `FAULTS` that a seed draws; one at least."""
     rng = rng_of(seed)
-    drawn = tuple(fault for fault in FAULTS if rng.random() < SHARE)
-    return drawn or (str(rng.choice(FAULTS)),)
+    found = tuple(fault for fault in FAULTS if rng.random() < SHARE)
+    return found or (str(rng.choice(FAULTS)),)
 
 
 def trembling(spec: CaptureSpec) -> CaptureSpec:
