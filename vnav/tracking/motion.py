@@ -13,10 +13,12 @@ import numpy as np
 
 from vnav.core import se3
 from vnav.core.arrays import Array
+from vnav.core.jumps import MOST, TIMES
 
 ACCELERATIONS = 3.0, 2.0  # rad/s2, m/s2: usual ones of a camera that is carried
 STEP_SIGMAS = 0.002, 0.003  # rad, m: of a step that was measured
 MAX_STEPS = 3.5  # time steps that the velocity is trusted for; after a longer gap it is not
+RUSH = 1e-4  # times as likely is a motion that no camera makes
 REMEMBERED = 3  # steps: that so many are mistaken one after the other is rare
 
 
@@ -112,7 +114,7 @@ class ConstantVelocity:
 
         It is 0 anywhere before there is a velocity. Where the last step was mistaken, the motion
         goes on as the step before; another pose is as likely as all of them were: what repeats goes
-        on as another motion would.
+        on as another motion would. What is faster than a camera is carried is hardly likely.
         """
         likely = 1.0
         for step in self._steps:
@@ -123,7 +125,18 @@ class ConstantVelocity:
             T_likely_next = se3.inverse(step.T_start_camera @ T_step_next) @ T_start_next
             goes_on, p = step.goes_on(T_likely_next, self._next_s), max(step.probability, 0.5)
             likely = goes_on + (1 - goes_on) * likely * (1 - p) / p
-        return float(np.log(likely))
+        return float(np.log(likely * (RUSH if self._is_rush(T_start_next) else 1.0)))
+
+    def _is_rush(self, T_start_next: Array) -> bool:
+        """Whether the camera would go faster than one is carried, and than it went before."""
+        last = self._steps[-1]
+        gap_s = self._next_s - last.stamp_s
+        if last.took_s <= 0 or gap_s <= 0:
+            return False
+        before = [_speeds(step.motion, step.took_s) for step in self._steps if step.took_s > 0]
+        limits = np.maximum(MOST, TIMES * np.max(before, 0))
+        asked = _speeds(se3.inverse(last.T_start_camera) @ T_start_next, max(gap_s, last.took_s))
+        return bool((asked > limits).any())
 
     @property
     def twist(self) -> Array:
@@ -143,6 +156,11 @@ class ConstantVelocity:
         if not (i in self._T_start_camera and j in self._T_start_camera):
             return None
         return np.asarray(se3.inverse(self._T_start_camera[i]) @ self._T_start_camera[j])
+
+
+def _speeds(motion: Array, took_s: float) -> Array:
+    """In rad/s and m/s (2,)."""
+    return np.asarray(np.linalg.norm(se3.deviation(motion).reshape(2, 3), axis=1) / took_s)
 
 
 def _scaled(step: Array, steps: float) -> Array:
