@@ -153,9 +153,11 @@ def rolled(source: Source, folder: Path) -> None:
 
     write(source, folder, range(len(source.frames)), color=turn, depth=turn)
     write_camera(folder / "camera.toml", rolled_camera(source.camera))
-    T_camera_rolled = se3.inverse(se3.make(R_ROLLED_CAMERA, np.zeros(3)))
     truth = read_tum(source.root / "groundtruth.txt")
-    write_turned(folder / "groundtruth.txt", truth, T_camera_rolled)
+    T_camera_rolled = se3.inverse(se3.make(R_ROLLED_CAMERA, np.zeros(3)))
+    turned = Trajectory(truth.stamps_s, truth.T_world_camera @ T_camera_rolled)
+    (folder / "groundtruth.txt").unlink()
+    write_tum(folder / "groundtruth.txt", turned)
 
 
 def cut(source: Source, folder: Path) -> None:
@@ -274,12 +276,6 @@ def write_camera(path: Path, camera: Camera) -> None:
     """Replace a camera.toml."""
     path.unlink()
     path.write_text(f"{camera_text(camera)}\n", "utf-8")
-
-
-def write_turned(path: Path, truth: Trajectory, T_camera_turned: NDArray[np.float64]) -> None:
-    """Replace true poses by those of a camera that stands so to the first: (4, 4) or (N, 4, 4)."""
-    path.unlink()
-    write_tum(path, Trajectory(truth.stamps_s, truth.T_world_camera @ T_camera_turned))
 
 
 def write_suite(path: Path, captures: list[str], versions: Iterable[str]) -> None:

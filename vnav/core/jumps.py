@@ -4,15 +4,15 @@ from collections.abc import Iterator
 from itertools import compress
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from vnav.core.arrays import Array
 from vnav.core.mapping import FrameTable
 from vnav.core.se3 import deviation, inverse
 
-MOST = 7.0, 5.0  # rad/s, m/s: of a camera that is carried, or shaken
+FASTEST = 7.0, 5.0  # rad/s, m/s: of a camera that is carried, or shaken
 OTHERS = 0.95  # share of a recording's motions that are slower than its fast ones
-TIMES = 3.0  # faster than these: where stamps are wrong, all motions are too fast
+TIMES_FASTER = 3.0  # faster than these: where stamps are wrong, all motions are too fast
 SHORT_S = 2.0  # what fills a view and walks along is gone after so long
 
 
@@ -54,6 +54,12 @@ def between_jumps(
     return np.sort(np.concatenate(found)) if found else np.zeros(0, np.intp)
 
 
+def speeds(motions: Array, took_s: ArrayLike) -> Array:
+    """Of motions (..., 4, 4) that take so many seconds (...): rad/s and m/s (..., 2)."""
+    parts = deviation(motions).reshape(*motions.shape[:-2], 2, 3)
+    return np.asarray(np.linalg.norm(parts, axis=-1) / np.asarray(took_s)[..., None])
+
+
 def _tracks(
     frames: FrameTable, T_world_camera: Array, part: NDArray[np.int32]
 ) -> Iterator[NDArray[np.intp]]:
@@ -66,7 +72,6 @@ def _tracks(
 
 def _too_fast(motions: Array, gap_s: Array) -> NDArray[np.bool_]:
     """Which motions (M, 4, 4) are, that take so many seconds (M,)."""
-    size = np.linalg.norm(deviation(motions).reshape(-1, 2, 3), axis=2)
-    speeds = size / gap_s[:, None]
-    limits = np.maximum(MOST, TIMES * np.quantile(speeds, OTHERS, axis=0))
-    return np.asarray((speeds > limits).any(1))
+    each = speeds(motions, gap_s)
+    limits = np.maximum(FASTEST, TIMES_FASTER * np.quantile(each, OTHERS, axis=0))
+    return np.asarray((each > limits).any(1))

@@ -13,7 +13,7 @@ import numpy as np
 
 from vnav.core import se3
 from vnav.core.arrays import Array
-from vnav.core.jumps import MOST, TIMES
+from vnav.core.jumps import FASTEST, TIMES_FASTER, speeds
 
 ACCELERATIONS = 3.0, 2.0  # rad/s2, m/s2: usual ones of a camera that is carried
 STEP_SIGMAS = 0.002, 0.003  # rad, m: of a step that was measured
@@ -133,9 +133,9 @@ class ConstantVelocity:
         gap_s = self._next_s - last.stamp_s
         if last.took_s <= 0 or gap_s <= 0:
             return False
-        before = [_speeds(step.motion, step.took_s) for step in self._steps if step.took_s > 0]
-        limits = np.maximum(MOST, TIMES * np.max(before, 0))
-        asked = _speeds(se3.inverse(last.T_start_camera) @ T_start_next, max(gap_s, last.took_s))
+        before = [speeds(step.motion, step.took_s) for step in self._steps if step.took_s > 0]
+        limits = np.maximum(FASTEST, TIMES_FASTER * np.max(before, 0))
+        asked = speeds(se3.inverse(last.T_start_camera) @ T_start_next, max(gap_s, last.took_s))
         return bool((asked > limits).any())
 
     @property
@@ -156,11 +156,6 @@ class ConstantVelocity:
         if not (i in self._T_start_camera and j in self._T_start_camera):
             return None
         return np.asarray(se3.inverse(self._T_start_camera[i]) @ self._T_start_camera[j])
-
-
-def _speeds(motion: Array, took_s: float) -> Array:
-    """In rad/s and m/s (2,)."""
-    return np.asarray(np.linalg.norm(se3.deviation(motion).reshape(2, 3), axis=1) / took_s)
 
 
 def _scaled(step: Array, steps: float) -> Array:
