@@ -1,5 +1,6 @@
-"""Photos of shelves of which the map has a part: the rest looks the same."""
+"""Photos of shelves that look the same, of which the map has all or a part."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -9,9 +10,11 @@ import vnav
 from tests.tracking.stretches import STEP_M, stretch
 from vnav.config import Config
 from vnav.core.trajectory import Trajectory
+from vnav.io.formats.trajectories import read_tum
+from vnav.io.sources.open_capture import open_capture
 from vnav.io.store.map_folder import MapFolder
 from vnav.pipeline.build import build_map
-from vnav.synthetic import MINIATURE, SCENES
+from vnav.synthetic import MINIATURE, SCENES, cached_capture
 from vnav.synthetic.path import frames_at
 
 pytestmark = pytest.mark.slow
@@ -19,6 +22,8 @@ pytestmark = pytest.mark.slow
 MAPPED = 0.4  # of the walk
 SAME_PLACE_M = 0.25
 EVERY = 6
+SEED, PHOTOS = 1, 20
+FOUND = 0.9  # of the photos at least
 
 
 @pytest.mark.parametrize("seed", [1, 3])
@@ -40,4 +45,27 @@ def test_a_photo_of_the_shelves_that_nobody_mapped_is_not_placed_at_those_that_a
         if a.T_world_camera is not None
     ]
     assert off_m
+    assert max(off_m) < SAME_PLACE_M
+
+
+@pytest.mark.parametrize("scene", ["library", "supermarket"])
+def test_a_photo_is_placed_by_what_is_unlike_in_a_twentieth_of_it(
+    scene: str, tmp_path: Path
+) -> None:
+    """The features of what repeats itself match in every place that has it."""
+    frames = frames_at(STEP_M, SCENES[scene](SEED).tour)
+    spec = replace(MINIATURE, scene=scene, seed=SEED, frames=frames, photos=PHOTOS, name=scene)
+    folder = cached_capture(spec)
+    given = read_tum(folder / "groundtruth.txt")
+    capture = open_capture(folder, Config().capture)
+    build_map(MapFolder.create(tmp_path / "map"), capture, Config(), given=given)
+    found = vnav.open_map(tmp_path / "map")
+    truth = (folder / "photos" / "groundtruth.txt").read_text().splitlines()[1:]
+    places = {line.split()[0]: np.array(line.split()[1:4], float) for line in truth}
+    off_m = []
+    for name, place in places.items():
+        answer = found.locate(folder / "photos" / name)
+        if answer.T_world_camera is not None:
+            off_m.append(float(np.linalg.norm(answer.T_world_camera[:3, 3] - place)))
+    assert len(off_m) >= FOUND * PHOTOS
     assert max(off_m) < SAME_PLACE_M

@@ -12,6 +12,7 @@ from vnav.core.tree import VocabularyTree
 from vnav.localisation.database import LandmarkDatabase
 from vnav.localisation.matches import Correspondences2D3D, Matches
 from vnav.localisation.photo import Photo
+from vnav.localisation.pixels import Pixels
 from vnav.localisation.view import View
 
 MIN_MATCHES = 5  # that a pose can be tried with
@@ -33,11 +34,12 @@ class SupportedPose(Protocol):
 
 @dataclass(frozen=True)
 class Query:
-    """The photo, the map it is searched in, and how."""
+    """The photo, the map it is searched in, and how; ``pixels`` of both where they are at hand."""
 
     photo: Photo
     database: LandmarkDatabase
     config: LocateConfig
+    pixels: Pixels | None = None
 
     @property
     def all_features(self) -> Rows:

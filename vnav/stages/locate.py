@@ -20,7 +20,8 @@ from vnav.checking.quality import BLURRED, DARK, blur
 from vnav.compiled.descriptors import load_compiled
 from vnav.config import Config, FeaturesConfig, LocateConfig, updated
 from vnav.core.camera import Intrinsics, PhotoCamera
-from vnav.core.frame import Features
+from vnav.core.frame import Features, Frame
+from vnav.core.mapping import FrameTable
 from vnav.core.progress import Progress, silent
 from vnav.errors import CameraError, PhotoError
 from vnav.features import FrontEnd, front_end
@@ -31,13 +32,14 @@ from vnav.io.photos.photo_files import (
     photo_camera,
     read_photo,
 )
-from vnav.io.store.artifacts import map_camera
+from vnav.io.store.artifacts import kept_rows, load_frame_table, load_keyframe, map_camera
 from vnav.io.store.index_file import load_index
 from vnav.io.store.map_folder import MapFolder
 from vnav.io.store.tree_file import load_tree
 from vnav.localisation.database import LandmarkDatabase
 from vnav.localisation.localise import localise
 from vnav.localisation.photo import prepare
+from vnav.localisation.pixels import Pixels, reduced
 from vnav.localisation.prior import PlacePrior
 from vnav.localisation.query import Query, missing_levels
 from vnav.localisation.verdict.answer import IMAGE, PhotoAnswer, UnreadablePhoto, summary
@@ -61,6 +63,7 @@ class Locator:
     ``map_cameras`` are those of the map's captures, ``features`` the settings it was made with.
     """
 
+    folder: MapFolder
     database: LandmarkDatabase
     map_cameras: tuple[Intrinsics, ...]
     features: FeaturesConfig
@@ -76,7 +79,7 @@ class Locator:
         cameras = tuple(map_camera(folder, k) for k in range(len(folder.captures)))
         recorded = {"features": folder.settings("odometry")["features"]}
         features = updated(Config(), recorded, f"the stage odometry of {folder.root}").features
-        return cls(database, cameras, features, config, camera)
+        return cls(folder, database, cameras, features, config, camera)
 
     @one_blas_thread
     def locate(
@@ -117,9 +120,21 @@ class Locator:
         """What is asked of a photo's features by a camera, and the answer."""
         prior_of_camera = camera.prior.scaled(image.shape[1], image.shape[0])
         prepared = prepare(features, prior_of_camera, self.database.tree)
-        query = Query(prepared, self.database, self.config.locate)
+        pixels = Pixels(reduced(image, prior_of_camera.intrinsics), self.keyframe)
+        query = Query(prepared, self.database, self.config.locate, pixels)
         rng = np.random.default_rng(self.config.seed)
         return query, localise(query, rng, prior)
+
+    def keyframe(self, number: int) -> Frame:
+        """A keyframe of the map by its number."""
+        frames, rows = self._kept
+        return load_keyframe(self.folder, rows[number], frames)
+
+    @cached_property
+    def _kept(self) -> tuple[FrameTable, list[int]]:
+        """Every frame of the map, and the rows of its keyframes."""
+        frames = load_frame_table(self.folder)
+        return frames, kept_rows(self.folder, len(frames.index))
 
     @cached_property
     def _front_end(self) -> FrontEnd:

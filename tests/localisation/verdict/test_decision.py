@@ -9,9 +9,11 @@ from vnav.core.camera import CameraPrior
 from vnav.localisation.hypotheses.pose_refinement import RefinedPose
 from vnav.localisation.matches import Matches, no_matches
 from vnav.localisation.photo import prepare
+from vnav.localisation.pixels import Pixels
 from vnav.localisation.prior import PlacePrior
 from vnav.localisation.query import Query
 from vnav.localisation.search.candidates import SearchResult
+from vnav.localisation.verdict import decision
 from vnav.localisation.verdict.decision import Located, NotLocated, decide
 from vnav.localisation.verification.verify import VerifiedPose
 from vnav.localisation.view import View
@@ -166,3 +168,32 @@ def test_without_a_pose_the_reason_is_whether_matches_were_enough_for_one(query,
     answer = decide([], SearchResult(no_matches(), votes, ()), query)
     assert isinstance(answer, NotLocated)
     assert answer.reason == reason
+
+
+def pixels_that_say(monkeypatch, chances) -> Pixels:
+    """Pixels by which two places have these probabilities."""
+    monkeypatch.setattr(decision, "compared", lambda *_: np.array(chances))
+    return Pixels(np.zeros((1, 1, 3), np.float32), lambda _: pytest.fail("no keyframe is needed"))
+
+
+def test_pixels_tell_places_apart_that_are_borne_out_alike(query, monkeypatch):
+    query = replace(query, pixels=pixels_that_say(monkeypatch, [0.01, 0.98]))
+    first, second = pose_at(query, 0.0, 9), pose_at(query, 5.0, 9)
+    answer = decide([first, second], SEARCHED, query)
+    assert isinstance(answer, Located)
+    assert answer.hypotheses == (second, first)
+    assert answer.chances == (0.98, 0.01)
+
+
+def test_a_photo_that_no_place_explains_by_its_pixels_is_ambiguous(query, monkeypatch):
+    query = replace(query, pixels=pixels_that_say(monkeypatch, [0.2, 0.1]))
+    answer = decide([pose_at(query, 0.0, 9), pose_at(query, 5.0, 9)], SEARCHED, query)
+    assert isinstance(answer, NotLocated)
+    assert answer.reason == "ambiguous"
+
+
+def test_pixels_are_not_asked_where_features_tell(query, monkeypatch):
+    """They take longer than all the rest."""
+    query = replace(query, pixels=pixels_that_say(monkeypatch, [0.0, 0.0]))
+    answer = decide([pose_at(query, 0.0, 9), pose_at(query, 5.0, 1)], SEARCHED, query)
+    assert isinstance(answer, Located)

@@ -11,6 +11,7 @@ from vnav.core.frame import Rejected
 from vnav.localisation.prior import PlacePrior
 from vnav.localisation.query import Query, SupportedPose, min_matches
 from vnav.localisation.search.candidates import SearchResult
+from vnav.localisation.verdict.comparison import compared
 from vnav.localisation.verdict.uncertainty import Sigmas, sigmas
 from vnav.localisation.verification.evidence import posterior
 from vnav.localisation.verification.verify import VerifiedPose, confirmed
@@ -82,6 +83,20 @@ def _judged(
     unlikely = sum(chances) < wanted and not confirmed(places, query)
     if unlikely or inliers < least:
         return NotLocated("no consistent pose", matches, inliers, places, chances)
+    if prior is None:
+        places, chances = _by_pixels(places, chances, query)
+    return _given(places, chances, matches, query, prior)
+
+
+def _given(
+    places: tuple[VerifiedPose, ...],
+    chances: tuple[float, ...],
+    matches: int,
+    query: Query,
+    prior: PlacePrior | None,
+) -> Located | NotLocated:
+    """The likeliest place, if it is likely and exact enough."""
+    wanted, inliers = query.config.min_confidence, places[0].inliers
     if chances[0] < wanted:
         return NotLocated("ambiguous", matches, inliers, places, chances)
     error = sigmas(places[0], query.database.index)
@@ -99,9 +114,25 @@ def _weighed(
     odds = support(places)
     if prior is not None:
         odds = odds * prior.odds([place.view for place in places], query.database.index)
-    chances = posterior([place.evidence for place in places], odds)
-    order = np.argsort(-chances, kind="stable")  # the strongest need not be the likeliest
+    return _sorted(places, posterior([place.evidence for place in places], odds))
+
+
+def _sorted(
+    places: Sequence[VerifiedPose], chances: Array
+) -> tuple[tuple[VerifiedPose, ...], tuple[float, ...]]:
+    """Places and their probabilities, the likeliest first: the strongest need not be."""
+    order = np.argsort(-chances, kind="stable")
     return tuple(places[k] for k in order), tuple(chances[order].tolist())
+
+
+def _by_pixels(
+    places: tuple[VerifiedPose, ...], chances: tuple[float, ...], query: Query
+) -> tuple[tuple[VerifiedPose, ...], tuple[float, ...]]:
+    """The same places, told apart by all pixels where none is likely enough by its features."""
+    is_likely = chances[0] >= query.config.min_confidence
+    if is_likely or len(places) == 1 or query.pixels is None:
+        return places, chances
+    return _sorted(places, compared(places, chances, query, query.pixels))
 
 
 def support(places: Sequence[SupportedPose]) -> Array:

@@ -92,9 +92,9 @@ def odds_of(space: DescriptorSpace) -> Odds:
 def evidence(cells: NDArray[np.intp], odds: Odds = Odds()) -> Evidence:
     """What the landmarks found and predicted (2, C) in each cell tell; none predicted: nothing."""
     k, n = cells[:, cells[1] >= MIN_COUNT]
-    otherwise = _log_beta_binomial(k, n, odds.found_if_not)
+    otherwise = log_beta_binomial(k, n, odds.found_if_not)
     total = odds.concentration
-    predicted = np.stack([_log_beta_binomial(k, n, (r * total, (1 - r) * total)) for r in RATES])
+    predicted = np.stack([log_beta_binomial(k, n, (r * total, (1 - r) * total)) for r in RATES])
     share = SHARES[:, None, None]
     mixed = np.logaddexp(np.log(share) + predicted, np.log(1 - share) + otherwise)
     of_share = mixed.sum(2)  # (shares, rates)
@@ -130,7 +130,7 @@ def _unmapped(places: Sequence[Evidence], k: int) -> Array:
     return np.asarray(np.logaddexp(like_none, rival))
 
 
-def _log_beta_binomial(k: NDArray[np.intp], n: NDArray[np.intp], beta: Beta) -> Array:
+def log_beta_binomial(k: NDArray[np.intp], n: NDArray[np.intp], beta: Beta) -> Array:
     """Log probability of k out of n, but for the binomial coefficient, which cancels."""
     a, b = beta
     rising = [_log_rising(start, int(n.max(initial=0))) for start in (a, b, a + b)]
