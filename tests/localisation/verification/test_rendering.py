@@ -6,7 +6,7 @@ import pytest
 
 from vnav.config import Config
 from vnav.core import se3
-from vnav.core.voxels import FARTHEST
+from vnav.core.voxels import FARTHEST, Voxels
 from vnav.io.store.map_folder import MapFolder
 from vnav.localisation.pixels import Pixels, reduced
 from vnav.localisation.verification.pixel_cells import misfits, noise
@@ -75,6 +75,22 @@ def test_what_does_not_stand_in_the_map_is_not_shown(locator, view, pixels):
     shares = [np.isfinite(i).mean() for i in (rendered(view, index, pixels), half)]
     assert shares[1] < shares[0]
     assert np.isnan(rendered(view, none, pixels)).all()
+
+
+def test_what_stands_behind_something_is_not_shown(locator, view, pixels):
+    """A wall half a metre before the camera, which no keyframe has depth of."""
+    index = locator.database.index
+    T = view.T_world_camera
+    across = np.stack(np.meshgrid(np.arange(-2, 2, 0.04), np.arange(-2, 2, 0.04)), -1).reshape(
+        -1, 2
+    )
+    wall = se3.transform(T, np.column_stack([across, np.full(len(across), 0.5)]))
+    solid = np.argwhere(index.solid_away == 0) * index.solid_m + index.solid_origin
+    centres = np.concatenate([solid + index.solid_m / 2, wall])
+    voxels = Voxels.filled(centres, np.full(len(centres), index.solid_m[0]), index.solid_m[0])
+    hidden = dataclasses.replace(index, solid_away=voxels.away, solid_origin=voxels.origin)
+    shares = [np.isfinite(rendered(view, i, pixels)).mean() for i in (index, hidden)]
+    assert shares[1] < 0.2 * shares[0]
 
 
 def test_a_photo_in_small_has_no_distortion(locator, view, pixels):

@@ -5,10 +5,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vnav.compiled import compiled
+from vnav.core import se3
 from vnav.core.arrays import Array, Rows
 from vnav.core.frame import Frame
 from vnav.core.map_index import MapIndex
 from vnav.localisation.pixels import Pixels
+from vnav.localisation.verification.occlusion import occluded
 from vnav.localisation.verification.prediction import local_keyframes
 from vnav.localisation.view import MIN_DEPTH_M, View
 
@@ -30,7 +32,8 @@ def rendered(view: View, index: MapIndex, pixels: Pixels) -> NDArray[np.float32]
     """The photo (H, W, 3) in small as a view would show it, NaN where no keyframe sees anything.
 
     What does not stand in the map any more, or never did, is left out: people, and what departed.
-    Each keyframe is as bright, by channel, as the photo where it lies on it.
+    So is what stands behind something that these keyframes do not see. Each keyframe is as bright,
+    by channel, as the photo where it lies on it.
     """
     height, width = pixels.photo.shape[:2]
     nearest = np.full(height * width, FAR_M, np.float32)
@@ -43,6 +46,7 @@ def rendered(view: View, index: MapIndex, pixels: Pixels) -> NDArray[np.float32]
     for cells, depths, colors in carried:
         if len(cells):
             _add(cells, depths, colors, _gain(colors, photo[cells]), farthest, sums, counts)
+    counts[_hidden(nearest, view, index, width)] = 0
     shown = np.divide(sums, counts, out=np.full_like(sums, np.nan), where=counts > 0)
     return shown.reshape(height, width, 3).astype(np.float32)
 
@@ -63,6 +67,15 @@ def _carried(
     cells, depths = _projected(depth_m, camera, poses, into, voxels, nearest, width)
     seen = cells >= 0
     return cells[seen], depths[seen], color[seen].astype(np.float32)
+
+
+def _hidden(nearest: Depths, view: View, index: MapIndex, width: int) -> Rows:
+    """The pixels of a view in small whose nearest point stands behind something."""
+    seen = np.flatnonzero(nearest < FAR_M)
+    camera = view.intrinsics.scaled(width, len(nearest) // width)
+    px = np.stack([seen % width, seen // width], 1).astype(np.float32)
+    points = se3.transform(view.T_world_camera, camera.unproject(px, nearest[seen]))
+    return seen[occluded(view, points.astype(np.float32), index.voxels)]
 
 
 def _gain(colors: Colors, photo: Colors) -> Array:
