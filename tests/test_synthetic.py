@@ -30,7 +30,7 @@ from vnav.synthetic.many_rooms import building
 from vnav.synthetic.path import look
 from vnav.synthetic.rendered_capture import camera_poses, photo_poses
 from vnav.synthetic.repeating import ROOM_M, SHELF_M, shop, twin_rooms
-from vnav.synthetic.scene import Face, placed
+from vnav.synthetic.scene import Box, Face, placed
 from vnav.synthetic.sensor import measured_depth
 
 CAMERA = MINIATURE.camera
@@ -311,6 +311,36 @@ def test_the_tours_of_larger_scenes_are_free(name: str) -> None:
     grid = scene.grid(0.05, 0.1, 1.4)
     cells = grid.cells_at(camera_poses(scene, spec)[:, :2, 3])
     assert (grid.cells[tuple(cells.T)] == FREE).all()
+
+
+@pytest.mark.parametrize("name", ["apartment", "one_room", "twin_rooms", "two_storeys"])
+def test_no_face_that_is_seen_lies_in_another(name: str) -> None:
+    """Which of the two is seen would change with the camera's pose."""
+    scene = SCENES[name](0)
+    boxes = [box for piece in scene.pieces for box in piece]
+    for k, face in enumerate(scene.faces):
+        for other in scene.faces[k + 1 :]:
+            if (
+                face.normal @ other.normal > 0.999
+                and abs((face.corner - other.corner) @ face.normal) < 1e-3
+            ):
+                before = shared(face, other) + 0.01 * face.normal
+                assert all(any(holds(box, p) for box in boxes) for p in before), (face, other)
+
+
+def shared(face: Face, other: Face) -> np.ndarray:
+    """Points (N, 3) of a face, of an even grid, that lie in another of the same plane."""
+    u, v = np.meshgrid(*[(np.arange(20) + 0.5) / 20] * 2)
+    points = (face.corner + u[..., None] * face.u_edge + v[..., None] * face.v_edge).reshape(-1, 3)
+    along = [
+        (points - other.corner) @ edge / (edge @ edge) for edge in (other.u_edge, other.v_edge)
+    ]
+    return points[((np.array(along) > 0) & (np.array(along) < 1)).all(0)]
+
+
+def holds(box: Box, point: np.ndarray) -> bool:
+    """Whether a point lies in a box."""
+    return bool((np.abs((point - box.centre) @ box.R_world_box) < np.array(box.size) / 2).all())
 
 
 @pytest.mark.parametrize("field", ["scene", "motion", "thing"])

@@ -102,7 +102,7 @@ def furnished_room(x0: float) -> list[Piece]:
         wall((x0, y1), (x1, y1), "wallpaper"),
         wall((x0 + EDGE, y0), (x0 + EDGE, y1), "plaster"),
         wall((x1 - EDGE, y0), (x1 - EDGE, y1), "plaster"),
-        placed(bed(2.0, 1.4), x0 + 2.9, y1 - 0.85, 180),
+        placed(bed(2.0, 1.4), x0 + 2.84, y1 - 0.85, 180),
         placed(shelf(1.1, 5), x0 + 0.28, y0 + 2.2, 0),
         placed(sofa(1.6), x0 + 3.4, y0 + 1.1, 180),
         placed(table(0.8, 0.5, 0.45), x0 + 0.5, y0 + 0.7, 0),
