@@ -185,7 +185,7 @@ def test_pixels_tell_places_apart_that_are_borne_out_alike(query, monkeypatch):
     assert answer.chances == (0.98, 0.01)
 
 
-def test_a_photo_that_no_place_explains_by_its_pixels_is_ambiguous(query, monkeypatch):
+def test_a_photo_that_its_pixels_leave_open_is_ambiguous(query, monkeypatch):
     query = replace(query, pixels=pixels_that_say(monkeypatch, [0.2, 0.1]))
     answer = decide([pose_at(query, 0.0, 9), pose_at(query, 5.0, 9)], SEARCHED, query)
     assert isinstance(answer, NotLocated)

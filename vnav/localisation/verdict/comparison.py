@@ -6,6 +6,8 @@ so. A photo from outside of the map may look alike, too: then nothing explains i
 """
 
 from collections.abc import Sequence
+from dataclasses import replace
+from functools import lru_cache
 
 import numpy as np
 
@@ -18,6 +20,7 @@ from vnav.localisation.verification.rendering import rendered
 from vnav.localisation.verification.verify import VerifiedPose
 
 MOST = 12  # places that are compared: the likeliest
+KEPT = 32  # keyframes, which near places share
 DIFFERS = 0.2  # share of the pixels of a cell from which on it differs
 LESS = 1 / 3  # of another place's share: a place that explains the cell better
 RIGHT: Beta = (0.3, 12.0)  # of the cells that tell, the share that the right place leaves open
@@ -30,7 +33,8 @@ def compared(
 ) -> Array:
     """Probability (P,) of two places or more, the likeliest first: by all pixels, too."""
     index, photo = query.database.index, pixels.photo
-    views = [rendered(place.view, index, pixels) for place in places[:MOST]]
+    kept = replace(pixels, keyframe=lru_cache(KEPT)(pixels.keyframe))
+    views = [rendered(place.view, index, kept) for place in places[:MOST]]
     sigma = noise(photo, views)
     open_share = np.stack([misfits(photo, view, sigma) for view in views])
     odds = likelihoods(open_share)
