@@ -78,6 +78,22 @@ def test_images_bear_out_halves_that_drift_has_moved_and_none_that_are_elsewhere
     assert look.is_borne_out(moved @ odometry.T_segment_camera, first, second) == is_right
 
 
+@pytest.mark.parametrize(("off_m", "is_right"), [(0.1, True), (3.0, False)])
+def test_halves_that_follow_each_other_are_not_joined_by_a_leap(
+    off_m: float,
+    is_right: bool,
+    odometry: Odometry,
+    halves: Odometry,
+    look: SecondLook,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Shelves that look the same bear out any of them."""
+    monkeypatch.setattr(look, "_agreements", lambda *_: [])
+    first, second = (halves.segment == k for k in (0, 1))
+    moved = np.where(second[:, None, None], se3.make(np.eye(3), [off_m, 0, 0]), np.eye(4))
+    assert look.is_borne_out(moved @ odometry.T_segment_camera, first, second) == is_right
+
+
 def test_halves_stay_apart_where_images_bear_no_closure_out(
     odometry: Odometry, halves: Odometry, look: SecondLook
 ) -> None:

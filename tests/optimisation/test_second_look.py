@@ -117,3 +117,23 @@ def test_a_motion_that_odometry_itself_doubts_is_cut_where_closures_contradict_i
     found = look.correct(right, right.T_i_j @ SHIFT)
     assert (found is None) == stays
     assert stays or found.edge is None
+
+
+@pytest.mark.parametrize(("leap_m", "stays"), [(1.3, True), (0.1, False)])
+def test_pixels_must_speak_louder_for_a_motion_that_no_camera_makes(
+    odometry: Odometry,
+    look: SecondLook,
+    right: Contradiction,
+    leap_m: float,
+    stays: bool,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """One shelf further in one frame: what repeats fits there by chance."""
+    shift = se3.make(np.eye(3), [leap_m, 0.0, 0.0])
+    wrong = Edge(right.i, right.j, right.T_i_j @ shift, np.eye(6))
+    tempted = dataclasses.replace(as_likely(odometry, 0.99), alternatives=(wrong,))
+    monkeypatch.setattr(look, "_odometry", tempted)
+    misled = np.array([[0.0, -2.0, 50.0], [2.0, 0.0, 52.0], [-50.0, -52.0, 0.0]])
+    monkeypatch.setattr(look, "log_odds", lambda *_: misled)
+    found = look.correct(dataclasses.replace(right, T_i_j=wrong.T_i_j), right.T_i_j)
+    assert (found is None) == stays

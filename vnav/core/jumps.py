@@ -13,6 +13,7 @@ from vnav.core.se3 import deviation, inverse
 FASTEST = 7.0, 5.0  # rad/s, m/s: of a camera that is carried, or shaken
 OTHERS = 0.95  # share of a recording's motions that are slower than its fast ones
 TIMES_FASTER = 3.0  # faster than these: where stamps are wrong, all motions are too fast
+RUSH = 1e-4  # times as likely is a motion that no camera makes
 SHORT_S = 2.0  # what fills a view and walks along is gone after so long
 
 

@@ -13,6 +13,7 @@ from vnav.core.arrays import Array, evenly
 from vnav.core.camera import Intrinsics
 from vnav.core.camera_motion import velocities
 from vnav.core.frame import Edge, Frame, PoseEstimate, Rejected
+from vnav.core.jumps import RUSH, jumps
 from vnav.core.mapping import LOST, Odometry
 from vnav.core.reduced_frame import ReducedFrame
 from vnav.core.view_overlap import view_overlap
@@ -62,7 +63,7 @@ class SecondLook:
         nothing where these cannot tell the two. What the pixels of the frames between said of
         odometry's edges counts, too: where the keyframes show no other motion, it decides alone.
         However many closures there are, pixels that bear odometry out keep it: closures that are
-        wrong together have one common cause.
+        wrong together have one common cause. A motion that no camera makes is hardly likely.
         """
         edge, before = self._other_motion(stretch), self._log_odds_before(stretch)
         if edge is None:
@@ -72,7 +73,7 @@ class SecondLook:
         log_odds = self.log_odds(stretch.i, stretch.j, [T_i_j, edge.T_i_j])
         if not _is_near(edge, stretch) or log_odds[1, -1] < CLEAR:
             return Correction(stretch, None) if before < 0 or log_odds[0, -1] < -CLEAR else None
-        in_favour = log_odds[0, 1] + before
+        in_favour = log_odds[0, 1] + before + self._log_odds_of_steps(stretch, [T_i_j, edge.T_i_j])
         if in_favour > CLEAR:
             return None
         return Correction(stretch, edge if in_favour < -CLEAR else None)
@@ -82,7 +83,10 @@ class SecondLook:
 
         Most pairs of keyframes across must not see through what the other sees. Where a chair was
         moved between two recordings some do, and where a place is taken for another half of them.
+        Nor may the camera leap from one set to the other: what repeats is seen through nowhere.
         """
+        if self._leaps(poses, a, b):
+            return False
         odometry = self._odometry
         rows, segment = odometry.keyframe_rows, odometry.segment[odometry.keyframe_rows]
         part = np.where(a | b, 0, LOST).astype(np.int32)
@@ -95,6 +99,18 @@ class SecondLook:
         )
         return len(seeing_through(pairs, neighbours)) <= MOST_THROUGH * len(pairs)
 
+    def _leaps(self, poses: Array, a: Inside, b: Inside) -> bool:
+        """Whether a frame of one set and the next, of the other, lie farther apart than any step.
+
+        By more than drift may have moved either.
+        """
+        frames, part = self._odometry.frames, np.where(a | b, 0, LOST).astype(np.int32)
+        posed = np.where((a | b)[:, None, None], poses, np.nan)
+        return any(
+            a[i] != a[j] and not same_pose(se3.inverse(poses[i]) @ poses[j])
+            for i, j in jumps(frames, posed, part)
+        )
+
     def _agreements(self, poses: Array, wanted: NDArray[np.bool_]) -> list[Agreement]:
         """How `MOST_PAIRS` of the wanted pairs (K, K) of keyframes agree by their poses."""
         pairs = self._odometry.keyframe_rows[np.argwhere(wanted)].tolist()
@@ -105,6 +121,21 @@ class SecondLook:
         """Of odometry's motion across a stretch, by the least probable of its frames' edges."""
         p = np.clip(stretch.weakest(self._odometry.edges)[1], 1 - SURE, SURE)
         return float(np.log(p / (1 - p)))
+
+    def _log_odds_of_steps(self, stretch: Contradiction, motions: Sequence[Array]) -> float:
+        """Of the first of two motions across a stretch, by what a camera can do.
+
+        The frames before its weakest, and those from there on, stay as odometry has them.
+        """
+        odometry, leaps = self._odometry, []
+        row, _ = stretch.weakest(odometry.edges)
+        after = np.arange(len(odometry.frames)) >= row
+        for T_i_j in motions:
+            poses = odometry.T_segment_camera.copy()
+            poses[after] = poses[stretch.i] @ T_i_j @ se3.inverse(poses[stretch.j]) @ poses[after]
+            found = jumps(odometry.frames, poses, odometry.segment)
+            leaps.append(row in [j for _, j in found])
+        return float(np.log(RUSH)) * (leaps[0] - leaps[1])
 
     def revisits(self, poses: Array, depth_delay_s: Array) -> Revisits:
         """Keyframes that see one place at different times, by poses (N, 4, 4) of all frames."""

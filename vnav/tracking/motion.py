@@ -13,12 +13,11 @@ import numpy as np
 
 from vnav.core import se3
 from vnav.core.arrays import Array
-from vnav.core.jumps import FASTEST, TIMES_FASTER, speeds
+from vnav.core.jumps import FASTEST, RUSH, TIMES_FASTER, speeds
 
 ACCELERATIONS = 3.0, 2.0  # rad/s2, m/s2: usual ones of a camera that is carried
 STEP_SIGMAS = 0.002, 0.003  # rad, m: of a step that was measured
 MAX_STEPS = 3.5  # time steps that the velocity is trusted for; after a longer gap it is not
-RUSH = 1e-4  # times as likely is a motion that no camera makes
 REMEMBERED = 3  # steps: that so many are mistaken one after the other is rare
 
 
