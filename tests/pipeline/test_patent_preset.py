@@ -11,6 +11,7 @@ from vnav.io.formats.trajectories import read_photo_poses
 from vnav.io.store.artifacts import kept_rows, load_odometry
 from vnav.io.store.map_folder import MapFolder
 from vnav.io.store.tree_file import load_tree
+from vnav.stages.locate import Locator
 
 pytestmark = pytest.mark.slow
 
@@ -36,6 +37,13 @@ def test_every_frame_is_tracked_and_fused(made: Map, folder: MapFolder, tiny_cap
     off = vnav.score(made.trajectory(), tiny_capture / "groundtruth.txt")
     assert off.pairs == 60
     assert off.ate.translation_m.rmse < ATE_M
+
+
+def test_keyframes_are_found_by_their_numbers_among_all_frames(folder: MapFolder) -> None:
+    """As where places that look alike are compared by what keyframes show of them."""
+    locator, odometry = Locator.open(folder, vnav.load_config("patent")), load_odometry(folder)
+    for number, row in enumerate(odometry.keyframe_rows.tolist()):
+        assert locator.keyframe(number).index == odometry.frames.index[row]
 
 
 def test_poses_are_those_of_the_pose_graph(made: Map) -> None:

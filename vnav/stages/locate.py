@@ -32,7 +32,12 @@ from vnav.io.photos.photo_files import (
     photo_camera,
     read_photo,
 )
-from vnav.io.store.artifacts import kept_rows, load_frame_table, load_keyframe, map_camera
+from vnav.io.store.artifacts import (
+    keyframe_rows,
+    load_frame_table,
+    load_keyframe,
+    map_camera,
+)
 from vnav.io.store.index_file import load_index
 from vnav.io.store.map_folder import MapFolder
 from vnav.io.store.tree_file import load_tree
@@ -134,7 +139,7 @@ class Locator:
     def _kept(self) -> tuple[FrameTable, list[int]]:
         """Every frame of the map, and the rows of its keyframes."""
         frames = load_frame_table(self.folder)
-        return frames, kept_rows(self.folder, len(frames.index))
+        return frames, keyframe_rows(self.folder, len(frames.index))
 
     @cached_property
     def _front_end(self) -> FrontEnd:

@@ -187,6 +187,13 @@ def kept_rows(folder: MapFolder, frames: int) -> list[int]:
     return sorted(row for row in rows if row < frames)
 
 
+def keyframe_rows(folder: MapFolder, frames: int) -> list[int]:
+    """Rows of the keyframes among so many frames, by their numbers."""
+    sizes = {"N": frames, "W": load_descriptor_space(folder).size}
+    rows: list[int] = _load(folder, "odometry", "keyframes", **sizes)["row"].tolist()
+    return rows
+
+
 def load_keyframe(folder: MapFolder, row: int, frames: FrameTable, beside_px: int = 0) -> Frame:
     """A keyframe's colour and depth by its row in the frame table; MapError where missing.
 
