@@ -80,7 +80,7 @@ def _found_again(
 ) -> tuple[int, int]:
     """How many of some keyframes are located by their own features, and how many of them there are.
 
-    What photos need is compiled by it, too, before the first of them waits for it.
+    What most photos need is compiled by it, too, before the first of them waits for it.
     """
     mapped = [k for k in keyframes if np.isfinite(k.T_world_camera).all()]
     chosen = mapped[:: max(1, len(mapped) // ASKED)][:ASKED]
