@@ -10,7 +10,7 @@ import vnav
 from tests.tracking.stretches import STEP_M, stretch
 from vnav.config import Config
 from vnav.core.trajectory import Trajectory
-from vnav.io.formats.trajectories import read_tum
+from vnav.io.formats.trajectories import read_photo_poses, read_tum
 from vnav.io.sources.open_capture import open_capture
 from vnav.io.store.map_folder import MapFolder
 from vnav.pipeline.build import build_map
@@ -60,12 +60,10 @@ def test_a_photo_is_placed_by_what_is_unlike_in_a_twentieth_of_it(
     capture = open_capture(folder, Config().capture)
     build_map(MapFolder.create(tmp_path / "map"), capture, Config(), given=given)
     found = vnav.open_map(tmp_path / "map")
-    truth = (folder / "photos" / "groundtruth.txt").read_text().splitlines()[1:]
-    places = {line.split()[0]: np.array(line.split()[1:4], float) for line in truth}
     off_m = []
-    for name, place in places.items():
+    for name, T in read_photo_poses(folder / "photos" / "groundtruth.txt").items():
         answer = found.locate(folder / "photos" / name)
         if answer.T_world_camera is not None:
-            off_m.append(float(np.linalg.norm(answer.T_world_camera[:3, 3] - place)))
+            off_m.append(float(np.linalg.norm(answer.T_world_camera[:3, 3] - T[:3, 3])))
     assert len(off_m) >= FOUND * PHOTOS
     assert max(off_m) < SAME_PLACE_M

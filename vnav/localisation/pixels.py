@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 
 import cv2
 import numpy as np
@@ -15,17 +16,19 @@ COLUMNS = 160  # of a photo in small
 
 @dataclass(frozen=True)
 class Pixels:
-    """A photo in small, (H, W, 3) float32 RGB without distortion, and keyframes by their number."""
+    """A photo (H, W, 3) uint8 RGB by its camera, and keyframes by their number."""
 
-    photo: NDArray[np.float32]
+    image: NDArray[np.uint8]
+    camera: Intrinsics
     keyframe: Callable[[int], Frame]
 
-
-def reduced(image: NDArray[np.uint8], camera: Intrinsics) -> NDArray[np.float32]:
-    """A photo (H, W, 3) by a camera in small, without distortion: for `Pixels`."""
-    width = min(COLUMNS, camera.width)
-    size = width, max(1, round(width * camera.height / camera.width))
-    small = cv2.resize(image, size, interpolation=cv2.INTER_AREA)
-    if any(camera.distortion):
-        small = cv2.undistort(small, camera.scaled(*size).K, np.array(camera.distortion))
-    return np.asarray(small, np.float32)
+    @cached_property
+    def photo(self) -> NDArray[np.float32]:
+        """The photo in small (h, w, 3), without distortion."""
+        width = min(COLUMNS, self.camera.width)
+        size = width, max(1, round(width * self.camera.height / self.camera.width))
+        small = cv2.resize(self.image, size, interpolation=cv2.INTER_AREA)
+        if any(self.camera.distortion):
+            K, bent = self.camera.scaled(*size).K, np.array(self.camera.distortion)
+            small = cv2.undistort(small, K, bent)
+        return np.asarray(small, np.float32)

@@ -83,9 +83,11 @@ class SecondLook:
 
         Most pairs of keyframes across must not see through what the other sees. Where a chair was
         moved between two recordings some do, and where a place is taken for another half of them.
-        Nor may the camera leap from one set to the other: what repeats is seen through nowhere.
+        Nor may the camera leap from one set to the other, by more than drift may have moved either:
+        what repeats is seen through nowhere.
         """
-        if self._leaps(poses, a, b):
+        leaps = (se3.inverse(poses[i]) @ poses[j] for i, j in self._leaps(poses, a, b))
+        if not all(map(same_pose, leaps)):
             return False
         odometry = self._odometry
         rows, segment = odometry.keyframe_rows, odometry.segment[odometry.keyframe_rows]
@@ -99,17 +101,16 @@ class SecondLook:
         )
         return len(seeing_through(pairs, neighbours)) <= MOST_THROUGH * len(pairs)
 
-    def _leaps(self, poses: Array, a: Inside, b: Inside) -> bool:
-        """Whether a frame of one set and the next, of the other, lie farther apart than any step.
+    def _leaps(self, poses: Array, a: Inside, b: Inside) -> list[tuple[int, int]]:
+        """Steps from a frame of one set to the next, of the other, that no camera makes, by rows.
 
-        By more than drift may have moved either.
+        By poses (N, 4, 4) that join the two sets.
         """
-        frames, part = self._odometry.frames, np.where(a | b, 0, LOST).astype(np.int32)
-        posed = np.where((a | b)[:, None, None], poses, np.nan)
-        return any(
-            a[i] != a[j] and not same_pose(se3.inverse(poses[i]) @ poses[j])
-            for i, j in jumps(frames, posed, part)
-        )
+        either = a | b
+        posed = np.where(either[:, None, None], poses, np.nan)
+        part = np.where(either, 0, LOST).astype(np.int32)
+        found = jumps(self._odometry.frames, posed, part)
+        return [(i, j) for i, j in found if a[i] != a[j]]
 
     def _agreements(self, poses: Array, wanted: NDArray[np.bool_]) -> list[Agreement]:
         """How `MOST_PAIRS` of the wanted pairs (K, K) of keyframes agree by their poses."""
@@ -129,12 +130,13 @@ class SecondLook:
         """
         odometry, leaps = self._odometry, []
         row, _ = stretch.weakest(odometry.edges)
-        after = np.arange(len(odometry.frames)) >= row
+        inside = odometry.segment == odometry.segment[stretch.j]
+        later = np.arange(len(inside)) >= row
+        before, after = inside & ~later, inside & later
         for T_i_j in motions:
             poses = odometry.T_segment_camera.copy()
             poses[after] = poses[stretch.i] @ T_i_j @ se3.inverse(poses[stretch.j]) @ poses[after]
-            found = jumps(odometry.frames, poses, odometry.segment)
-            leaps.append(row in [j for _, j in found])
+            leaps.append(bool(self._leaps(poses, before, after)))
         return float(np.log(RUSH)) * (leaps[0] - leaps[1])
 
     def revisits(self, poses: Array, depth_delay_s: Array) -> Revisits:

@@ -44,7 +44,7 @@ from vnav.io.store.tree_file import load_tree
 from vnav.localisation.database import LandmarkDatabase
 from vnav.localisation.localise import localise
 from vnav.localisation.photo import prepare
-from vnav.localisation.pixels import Pixels, reduced
+from vnav.localisation.pixels import Pixels
 from vnav.localisation.prior import PlacePrior
 from vnav.localisation.query import Query, missing_levels
 from vnav.localisation.verdict.answer import IMAGE, PhotoAnswer, UnreadablePhoto, summary
@@ -125,7 +125,7 @@ class Locator:
         """What is asked of a photo's features by a camera, and the answer."""
         prior_of_camera = camera.prior.scaled(image.shape[1], image.shape[0])
         prepared = prepare(features, prior_of_camera, self.database.tree)
-        pixels = Pixels(reduced(image, prior_of_camera.intrinsics), self.keyframe)
+        pixels = Pixels(image, prior_of_camera.intrinsics, self.keyframe)
         query = Query(prepared, self.database, self.config.locate, pixels)
         rng = np.random.default_rng(self.config.seed)
         return query, localise(query, rng, prior)

@@ -5,7 +5,7 @@ import pytest
 
 from vnav.config import LocateConfig
 from vnav.core import se3
-from vnav.core.camera import CameraPrior
+from vnav.core.camera import CameraPrior, Intrinsics
 from vnav.localisation.hypotheses.pose_refinement import RefinedPose
 from vnav.localisation.matches import Matches, no_matches
 from vnav.localisation.photo import prepare
@@ -173,7 +173,11 @@ def test_without_a_pose_the_reason_is_whether_matches_were_enough_for_one(query,
 def pixels_that_say(monkeypatch, chances) -> Pixels:
     """Pixels by which two places have these probabilities."""
     monkeypatch.setattr(decision, "compared", lambda *_: np.array(chances))
-    return Pixels(np.zeros((1, 1, 3), np.float32), lambda _: pytest.fail("no keyframe is needed"))
+    return Pixels(
+        np.zeros((1, 1, 3), np.uint8),
+        Intrinsics(1, 1, 1.0, 1.0, 0.0, 0.0),
+        lambda _: pytest.fail("no keyframe is needed"),
+    )
 
 
 def test_pixels_tell_places_apart_that_are_borne_out_alike(query, monkeypatch):

@@ -6,11 +6,12 @@ import pytest
 
 from vnav.config import Config
 from vnav.core import se3
+from vnav.core.map_index import MapIndex
 from vnav.core.voxels import FARTHEST, Voxels
 from vnav.io.store.map_folder import MapFolder
-from vnav.localisation.pixels import Pixels, reduced
+from vnav.localisation.pixels import Pixels
 from vnav.localisation.verification.pixel_cells import misfits, noise
-from vnav.localisation.verification.rendering import rendered
+from vnav.localisation.verification.rendering import rendered, standing_points
 from vnav.localisation.view import View
 from vnav.stages.locate import Locator
 
@@ -39,11 +40,16 @@ def view(locator, number) -> View:
 def pixels(locator, number) -> Pixels:
     """Its own image as a photo."""
     frame = locator.keyframe(number)
-    return Pixels(reduced(np.asarray(frame.color), frame.intrinsics), locator.keyframe)
+    return Pixels(np.asarray(frame.color), frame.intrinsics, locator.keyframe)
+
+
+def shown_from(view: View, index: MapIndex, pixels: Pixels, photo: np.ndarray) -> np.ndarray:
+    """That photo, as the keyframes show it."""
+    return rendered(view, photo, index, lambda k: standing_points(pixels.keyframe(k), k, index))
 
 
 def test_a_photo_is_shown_from_where_it_was_taken(locator, view, pixels):
-    shown = rendered(view, locator.database.index, pixels)
+    shown = shown_from(view, locator.database.index, pixels, pixels.photo)
     assert np.isfinite(shown).all(2).mean() > SHOWN
     found = misfits(pixels.photo, shown, noise(pixels.photo, [shown]))
     assert np.nanmean(found) < 0.01
@@ -51,16 +57,21 @@ def test_a_photo_is_shown_from_where_it_was_taken(locator, view, pixels):
 
 def test_it_is_not_shown_from_elsewhere(locator, view, pixels):
     beside = View(view.T_camera_world @ se3.make(np.eye(3), (0.3, 0.3, 0.0)), view.intrinsics)
-    shown = rendered(beside, locator.database.index, pixels)
+    shown = shown_from(beside, locator.database.index, pixels, pixels.photo)
     found = misfits(pixels.photo, shown, noise(pixels.photo, [shown]))
     assert np.nanmean(found) > 0.1
+
+
+def test_where_no_keyframe_has_been_nothing_is_shown(locator, view, pixels):
+    far = View(view.T_camera_world @ se3.make(np.eye(3), (0.0, 0.0, 100.0)), view.intrinsics)
+    assert np.isnan(shown_from(far, locator.database.index, pixels, pixels.photo)).all()
 
 
 def test_keyframes_are_as_bright_as_the_photo(locator, view, pixels):
     """A photo by another exposure and white balance has other colours for the same things."""
     gain = np.array([0.6, 0.7, 0.9], np.float32)
-    darker = dataclasses.replace(pixels, photo=pixels.photo * gain)
-    shown, as_bright = (rendered(view, locator.database.index, p) for p in (pixels, darker))
+    photos = pixels.photo, pixels.photo * gain
+    shown, as_bright = (shown_from(view, locator.database.index, pixels, p) for p in photos)
     ratio = np.nanmedian(as_bright / shown, axis=(0, 1))
     np.testing.assert_allclose(ratio, gain, rtol=0.03)
 
@@ -70,11 +81,11 @@ def test_what_does_not_stand_in_the_map_is_not_shown(locator, view, pixels):
     index = locator.database.index
     away = index.solid_away.copy()
     away[: away.shape[0] // 2] = FARTHEST
-    half = rendered(view, dataclasses.replace(index, solid_away=away), pixels)
+    half = dataclasses.replace(index, solid_away=away)
     none = dataclasses.replace(index, solid_away=np.full_like(away, FARTHEST))
-    shares = [np.isfinite(i).mean() for i in (rendered(view, index, pixels), half)]
-    assert shares[1] < shares[0]
-    assert np.isnan(rendered(view, none, pixels)).all()
+    shown = [shown_from(view, i, pixels, pixels.photo) for i in (index, half, none)]
+    assert np.isfinite(shown[1]).mean() < np.isfinite(shown[0]).mean()
+    assert np.isnan(shown[2]).all()
 
 
 def test_what_stands_behind_something_is_not_shown(locator, view, pixels):
@@ -89,7 +100,8 @@ def test_what_stands_behind_something_is_not_shown(locator, view, pixels):
     centres = np.concatenate([solid + index.solid_m / 2, wall])
     voxels = Voxels.filled(centres, np.full(len(centres), index.solid_m[0]), index.solid_m[0])
     hidden = dataclasses.replace(index, solid_away=voxels.away, solid_origin=voxels.origin)
-    shares = [np.isfinite(rendered(view, i, pixels)).mean() for i in (index, hidden)]
+    shown = (shown_from(view, i, pixels, pixels.photo) for i in (index, hidden))
+    shares = [np.isfinite(image).mean() for image in shown]
     assert shares[1] < 0.2 * shares[0]
 
 
@@ -97,7 +109,10 @@ def test_a_photo_in_small_has_no_distortion(locator, view, pixels):
     """A barrel distortion of 20 % at the corner bends what the keyframe shows straight."""
     camera = dataclasses.replace(view.intrinsics, distortion=(-0.2, 0.0, 0.0, 0.0, 0.0))
     frame = locator.keyframe(0)
-    straight, bent = (reduced(np.asarray(frame.color), c) for c in (frame.intrinsics, camera))
+    straight, bent = (
+        Pixels(np.asarray(frame.color), c, locator.keyframe).photo
+        for c in (frame.intrinsics, camera)
+    )
     height, width = straight.shape[:2]
     middle = np.s_[height // 2 - 5 : height // 2 + 5, width // 2 - 5 : width // 2 + 5]
     assert np.abs(straight[middle] - bent[middle]).mean() < 5

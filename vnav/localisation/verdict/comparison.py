@@ -6,17 +6,20 @@ so. A photo from outside of the map may look alike, too: then nothing explains i
 """
 
 from collections.abc import Sequence
-from dataclasses import replace
 from functools import lru_cache
 
 import numpy as np
 
 from vnav.core.arrays import Array
+from vnav.core.map_index import MapIndex
 from vnav.localisation.pixels import Pixels
-from vnav.localisation.query import Query
 from vnav.localisation.verification.evidence import Beta, log_beta_binomial
 from vnav.localisation.verification.pixel_cells import misfits, noise
-from vnav.localisation.verification.rendering import rendered
+from vnav.localisation.verification.rendering import (
+    StandingPoints,
+    rendered,
+    standing_points,
+)
 from vnav.localisation.verification.verify import VerifiedPose
 
 MOST = 12  # places that are compared: the likeliest
@@ -29,15 +32,18 @@ UNMAPPED = 0.25  # odds of that at least, before the pixels are asked
 
 
 def compared(
-    places: Sequence[VerifiedPose], chances: Sequence[float], query: Query, pixels: Pixels
+    places: Sequence[VerifiedPose], chances: Sequence[float], index: MapIndex, pixels: Pixels
 ) -> Array:
     """Probability (P,) of two places or more, the likeliest first: by all pixels, too."""
-    index, photo = query.database.index, pixels.photo
-    kept = replace(pixels, keyframe=lru_cache(KEPT)(pixels.keyframe))
-    views = [rendered(place.view, index, kept) for place in places[:MOST]]
+
+    @lru_cache(KEPT)
+    def points_of(number: int) -> StandingPoints:
+        return standing_points(pixels.keyframe(number), number, index)
+
+    photo = pixels.photo
+    views = [rendered(place.view, photo, index, points_of) for place in places[:MOST]]
     sigma = noise(photo, views)
-    open_share = np.stack([misfits(photo, view, sigma) for view in views])
-    odds = likelihoods(open_share)
+    odds = likelihoods(np.stack([misfits(photo, view, sigma) for view in views]))
     weights = np.array(chances, float)
     outside = max(UNMAPPED * weights.sum(), 1 - weights.sum()) * odds[-1]
     weights[: len(views)] *= odds[:-1]

@@ -21,6 +21,8 @@ SUPPORT = 2.0  # exponent of the matches that agree: how much likelier they make
 HELD_INLIERS = 2.0  # of a pose that only the photos before hold, over `locate.min_inliers`
 NEAR_M, NEAR_RAD = 0.25, np.deg2rad(10.0)  # what counts as the same place
 
+Ranked = tuple[tuple[VerifiedPose, ...], tuple[float, ...]]  # places, probabilities
+
 
 @dataclass(frozen=True)
 class Located:
@@ -83,19 +85,15 @@ def _judged(
     unlikely = sum(chances) < wanted and not confirmed(places, query)
     if unlikely or inliers < least:
         return NotLocated("no consistent pose", matches, inliers, places, chances)
-    if prior is None:
-        places, chances = _by_pixels(places, chances, query)
-    return _given(places, chances, matches, query, prior)
+    ranked = _by_pixels(places, chances, query) if prior is None else (places, chances)
+    return _given(ranked, matches, query, prior)
 
 
 def _given(
-    places: tuple[VerifiedPose, ...],
-    chances: tuple[float, ...],
-    matches: int,
-    query: Query,
-    prior: PlacePrior | None,
+    ranked: Ranked, matches: int, query: Query, prior: PlacePrior | None
 ) -> Located | NotLocated:
     """The likeliest place, if it is likely and exact enough."""
+    places, chances = ranked
     wanted, inliers = query.config.min_confidence, places[0].inliers
     if chances[0] < wanted:
         return NotLocated("ambiguous", matches, inliers, places, chances)
@@ -107,9 +105,7 @@ def _given(
     return Located(places[0], places, chances, matches, error, confidence, prior)
 
 
-def _weighed(
-    places: Sequence[VerifiedPose], query: Query, prior: PlacePrior | None
-) -> tuple[tuple[VerifiedPose, ...], tuple[float, ...]]:
+def _weighed(places: Sequence[VerifiedPose], query: Query, prior: PlacePrior | None) -> Ranked:
     """Places with their probabilities, the likeliest first."""
     odds = support(places)
     if prior is not None:
@@ -117,9 +113,7 @@ def _weighed(
     return _sorted(places, posterior([place.evidence for place in places], odds))
 
 
-def _sorted(
-    places: Sequence[VerifiedPose], chances: Array
-) -> tuple[tuple[VerifiedPose, ...], tuple[float, ...]]:
+def _sorted(places: Sequence[VerifiedPose], chances: Array) -> Ranked:
     """Places and their probabilities, the likeliest first: the strongest need not be."""
     order = np.argsort(-chances, kind="stable")
     return tuple(places[k] for k in order), tuple(chances[order].tolist())
@@ -127,12 +121,12 @@ def _sorted(
 
 def _by_pixels(
     places: tuple[VerifiedPose, ...], chances: tuple[float, ...], query: Query
-) -> tuple[tuple[VerifiedPose, ...], tuple[float, ...]]:
+) -> Ranked:
     """The same places, told apart by all pixels where none is likely enough by its features."""
     is_likely = chances[0] >= query.config.min_confidence
     if is_likely or len(places) == 1 or query.pixels is None:
         return places, chances
-    return _sorted(places, compared(places, chances, query, query.pixels))
+    return _sorted(places, compared(places, chances, query.database.index, query.pixels))
 
 
 def support(places: Sequence[SupportedPose]) -> Array:

@@ -1,5 +1,8 @@
 """What the map's keyframes show from a view: their pixels, carried there by their depth."""
 
+from collections.abc import Callable
+from dataclasses import dataclass
+
 import cv2
 import numpy as np
 from numpy.typing import NDArray
@@ -9,7 +12,6 @@ from vnav.core import se3
 from vnav.core.arrays import Array, Rows
 from vnav.core.frame import Frame
 from vnav.core.map_index import MapIndex
-from vnav.localisation.pixels import Pixels
 from vnav.localisation.verification.occlusion import occluded
 from vnav.localisation.verification.prediction import local_keyframes
 from vnav.localisation.view import MIN_DEPTH_M, View
@@ -22,144 +24,102 @@ FAR_M = 1e4  # beyond what any sensor sees
 BEHIND = 1.05  # times as far as what stands before it
 AROUND = np.ones((3, 3), np.uint8)
 
-Depths = NDArray[np.float32]
-Colors = NDArray[np.float32]  # (M, 3)
-Point = tuple[float, float, float]
-Carried = tuple[Rows, Depths, Colors]  # which pixels of the view they are seen in
+Colors = NDArray[np.float32]  # (..., 3) RGB
 
 
-def rendered(view: View, index: MapIndex, pixels: Pixels) -> NDArray[np.float32]:
-    """The photo (H, W, 3) in small as a view would show it, NaN where no keyframe sees anything.
+@dataclass(frozen=True)
+class StandingPoints:
+    """Points (M, 3) of the world that a keyframe sees, and their colours (M, 3)."""
 
-    What does not stand in the map any more, or never did, is left out: people, and what departed.
-    So is what stands behind something that these keyframes do not see. Each keyframe is as bright,
-    by channel, as the photo where it lies on it.
-    """
-    height, width = pixels.photo.shape[:2]
-    nearest = np.full(height * width, FAR_M, np.float32)
-    carried: list[Carried] = []
-    for k in local_keyframes(view, index)[:KEYFRAMES].tolist():
-        carried.append(_carried(pixels.keyframe(k), k, view, index, nearest, width))
-    farthest = BEHIND * cv2.erode(nearest.reshape(height, width), AROUND).ravel()
-    photo = pixels.photo.reshape(-1, 3)
-    sums, counts = np.zeros((height * width, 3)), np.zeros((height * width, 1))
-    for cells, depths, colors in carried:
-        if len(cells):
-            _add(cells, depths, colors, _gain(colors, photo[cells]), farthest, sums, counts)
-    counts[_hidden(nearest, view, index, width)] = 0
-    shown = np.divide(sums, counts, out=np.full_like(sums, np.nan), where=counts > 0)
-    return shown.reshape(height, width, 3).astype(np.float32)
+    world: NDArray[np.float32]
+    colors: Colors
 
 
-def _carried(
-    frame: Frame, number: int, view: View, index: MapIndex, nearest: Depths, width: int
-) -> Carried:
-    """The pixels of a keyframe with depth that lie in a view in small; those nearest are noted."""
+def standing_points(frame: Frame, number: int, index: MapIndex) -> StandingPoints:
+    """What a keyframe sees of what stands in the map: neither people nor what departed since."""
     step = max(1, round(frame.intrinsics.width / COLUMNS))
-    every = np.s_[step // 2 :: step, step // 2 :: step]
-    depth_m = np.ascontiguousarray(frame.depth_m[every])
-    color = cv2.blur(np.asarray(frame.color), (step, step))[every].reshape(-1, 3)
-    fx, fy, cx, cy = frame.intrinsics.pinhole
-    camera = np.array([fx, fy, cx - step // 2, cy - step // 2]) / step
-    poses = index.T_world_keyframe[number].copy(), view.T_camera_world.copy()
-    into = np.array(view.intrinsics.scaled(width, len(nearest) // width).pinhole)
-    voxels = index.voxels.away, index.voxels.origin.copy(), index.voxels.edge_m
-    cells, depths = _projected(depth_m, camera, poses, into, voxels, nearest, width)
-    seen = cells >= 0
-    return cells[seen], depths[seen], color[seen].astype(np.float32)
+    rows, columns = np.nonzero(frame.depth_m[step // 2 :: step, step // 2 :: step])
+    v, u = (k * step + step // 2 for k in (rows, columns))
+    points = frame.intrinsics.unproject(np.stack([u, v], 1), frame.depth_m[v, u])
+    world = se3.transform(index.T_world_keyframe[number], points).astype(np.float32)
+    voxels = index.voxels
+    cells = np.floor((world - voxels.origin) / voxels.edge_m).astype(np.intp)
+    stands = voxels.away_from(cells.T) <= 1
+    colors = cv2.blur(np.asarray(frame.color), (step, step))[v, u]
+    return StandingPoints(world[stands], colors[stands].astype(np.float32))
 
 
-def _hidden(nearest: Depths, view: View, index: MapIndex, width: int) -> Rows:
-    """The pixels of a view in small whose nearest point stands behind something."""
-    seen = np.flatnonzero(nearest < FAR_M)
-    camera = view.intrinsics.scaled(width, len(nearest) // width)
-    px = np.stack([seen % width, seen // width], 1).astype(np.float32)
-    points = se3.transform(view.T_world_camera, camera.unproject(px, nearest[seen]))
-    return seen[occluded(view, points.astype(np.float32), index.voxels)]
+def rendered(
+    view: View, photo: Colors, index: MapIndex, points_of: Callable[[int], StandingPoints]
+) -> Colors:
+    """A photo (H, W, 3) in small as a view would show it, NaN where no keyframe sees anything.
+
+    What stands behind something that these keyframes do not see is left out. Each keyframe is as
+    bright, by channel, as the photo where it lies on it. ``points_of``: a keyframe's by its number.
+    """
+    height, width = photo.shape[:2]
+    small = View(view.T_camera_world, view.intrinsics.scaled(width, height))
+    keyframes = local_keyframes(view, index)[:KEYFRAMES].tolist()
+    if not keyframes:
+        return np.full(photo.shape, np.nan, np.float32)
+    seen = [_seen(points_of(k), small, photo.reshape(-1, 3)) for k in keyframes]
+    cells, depths, colors = (np.concatenate(column) for column in zip(*seen, strict=True))
+    nearest = np.full(height * width, FAR_M)
+    np.minimum.at(nearest, cells, depths)
+    front = depths <= BEHIND * cv2.erode(nearest.reshape(height, width), AROUND).ravel()[cells]
+    cells, colors = cells[front], colors[front]
+    counts = np.bincount(cells, minlength=height * width)
+    counts[_hidden(nearest, small, index)] = 0
+    sums = np.stack([np.bincount(cells, c, height * width) for c in colors.T], 1)
+    shown = np.full((height * width, 3), np.nan, np.float32)
+    is_shown = counts > 0
+    shown[is_shown] = sums[is_shown] / counts[is_shown, None]
+    return shown.reshape(height, width, 3)
 
 
-def _gain(colors: Colors, photo: Colors) -> Array:
-    """How much brighter (3,) a photo is than the colours that lie on it."""
-    few = max(1, len(colors) // ASKED)
-    return np.asarray(np.median((photo[::few] + DARK) / (colors[::few] + DARK), axis=0), float)
+def _seen(points: StandingPoints, view: View, photo: Colors) -> tuple[Rows, Array, Colors]:
+    """In which pixels of a view points are seen, how deep, and their colours, as bright as there.
+
+    ``photo`` (P, 3): what the view's pixels have.
+    """
+    k = view.intrinsics
+    camera = np.array([*k.pinhole, *k.size])
+    cells, depths = _projected(points.world, view.T_camera_world.copy(), camera)
+    inside = cells >= 0
+    cells, colors = cells[inside], points.colors[inside] + DARK
+    if len(cells):
+        few = np.s_[:: max(1, len(cells) // ASKED)]
+        colors *= np.median((photo[cells[few]] + DARK) / colors[few], axis=0)
+    return cells, depths[inside], colors - DARK
 
 
 @compiled
 def _projected(
-    depth_m: Depths,
-    camera: Array,
-    poses: tuple[Array, Array],
-    into: Array,
-    voxels: tuple[NDArray[np.uint8], Array, float],
-    nearest: Depths,
-    width: int,
-) -> tuple[Rows, Depths]:
-    """Which pixel of a view each pixel (M,) with depth lies in, and how deep; -1 where in none."""
-    rows, columns = depth_m.shape
-    height = len(nearest) // width
-    cells, depths = np.full(rows * columns, -1, np.intp), np.zeros(rows * columns, np.float32)
-    for n in range(rows * columns):
-        z = float(depth_m[n // columns, n % columns])
-        if not z > 0:
-            continue
-        x = (n % columns - camera[2]) / camera[0] * z
-        y = (n // columns - camera[3]) / camera[1] * z
-        point = _moved(poses[0], (x, y, z))
-        right, down, deep = _moved(poses[1], point)
-        if not deep > MIN_DEPTH_M or not _stands(point, voxels):
-            continue
-        column = int(np.floor(into[0] * right / deep + into[2] + 0.5))
-        row = int(np.floor(into[1] * down / deep + into[3] + 0.5))
-        if 0 <= column < width and 0 <= row < height:
-            cells[n], depths[n] = row * width + column, deep
-            nearest[cells[n]] = min(nearest[cells[n]], depths[n])
+    points: NDArray[np.float32], T_camera_world: Array, camera: Array
+) -> tuple[Rows, Array]:
+    """Which pixel each point (M,) lies in, -1 where in none, and how deep.
+
+    ``camera``: fx, fy, cx, cy, width, height.
+    """
+    T, (fx, fy, cx, cy, width, height) = T_camera_world, camera
+    cells, depths = np.full(len(points), -1, np.intp), np.zeros(len(points))
+    for n in range(len(points)):
+        x, y, z = points[n]
+        depth = T[2, 0] * x + T[2, 1] * y + T[2, 2] * z + T[2, 3]
+        if depth > MIN_DEPTH_M:
+            right = T[0, 0] * x + T[0, 1] * y + T[0, 2] * z + T[0, 3]
+            down = T[1, 0] * x + T[1, 1] * y + T[1, 2] * z + T[1, 3]
+            column = np.floor(fx * right / depth + cx + 0.5)
+            row = np.floor(fy * down / depth + cy + 0.5)
+            if 0 <= column < width and 0 <= row < height:
+                cells[n], depths[n] = int(row * width + column), depth
     return cells, depths
 
 
-@compiled
-def _moved(T: Array, point: Point) -> Point:
-    """A point by a pose."""
-    x, y, z = point
-    return (
-        T[0, 0] * x + T[0, 1] * y + T[0, 2] * z + T[0, 3],
-        T[1, 0] * x + T[1, 1] * y + T[1, 2] * z + T[1, 3],
-        T[2, 0] * x + T[2, 1] * y + T[2, 2] * z + T[2, 3],
-    )
-
-
-@compiled
-def _stands(point: Point, voxels: tuple[NDArray[np.uint8], Array, float]) -> bool:
-    """Whether something stands in the voxel of a point, or in one beside it."""
-    away, origin, edge_m = voxels
-    x, y, z = (
-        int(np.floor((point[0] - origin[0]) / edge_m)),
-        int(np.floor((point[1] - origin[1]) / edge_m)),
-        int(np.floor((point[2] - origin[2]) / edge_m)),
-    )
-    if x < 0 or y < 0 or z < 0:
-        return False
-    if x >= away.shape[0] or y >= away.shape[1] or z >= away.shape[2]:
-        return False
-    return bool(away[x, y, z] <= 1)
-
-
-@compiled
-def _add(
-    cells: Rows,
-    depths: Depths,
-    colors: Colors,
-    gain: Array,
-    farthest: Depths,
-    sums: Array,
-    counts: Array,
-) -> None:
-    """Add colours (M, 3), so much brighter, to the sums (P, 3) and counts (P, 1) of their pixels.
-
-    Not those that are farther away than what stands before them.
-    """
-    for n in range(len(cells)):
-        cell = cells[n]
-        if depths[n] <= farthest[cell]:
-            counts[cell, 0] += 1
-            for k in range(3):
-                sums[cell, k] += (colors[n, k] + DARK) * gain[k] - DARK
+def _hidden(nearest: Array, view: View, index: MapIndex) -> Rows:
+    """The pixels of a view whose nearest point stands behind something."""
+    seen = np.flatnonzero(nearest < FAR_M)
+    row, column = np.divmod(seen, view.intrinsics.width)
+    points = view.intrinsics.unproject(np.stack([column, row], 1), nearest[seen])
+    points_world = se3.transform(view.T_world_camera, points).astype(np.float32)
+    return seen[occluded(view, points_world, index.voxels)]
