@@ -389,6 +389,33 @@ def test_the_step_says_how_well_it_knows_the_offset() -> None:
     assert 0.2 < np.mean(np.square(errors)) < 2
 
 
+def test_what_errs_together_is_told_no_better_by_more_observations() -> None:
+    """Sixteen times as many tell an error four times as well, but for what they have in common.
+
+    A thousandth of the noise is little beside that of 360 observations, and much beside 5760.
+    """
+    rng = np.random.default_rng(20)
+    truth = scene(rng)
+    seen = measured(truth, rng, 0.01)
+    common = np.array([CONFIG.depth_sigma_per_m2 / 10])
+    alone = [sigma_of_offset(truth, seen, times, 0.0) for times in (1, 16)]
+    together = [sigma_of_offset(truth, seen, times, common) for times in (1, 16)]
+    assert alone[0] / alone[1] == pytest.approx(4, rel=0.05)
+    assert together[0] > alone[0]
+    assert together[0] / together[1] < 1.4
+
+
+def sigma_of_offset(
+    truth: Bundle, seen: Observations, times: int, systematic: np.ndarray | float
+) -> float:
+    """Where each observation was made so many times."""
+    again = seen[np.tile(np.arange(len(seen)), times)]
+    by_error = np.tile([[0.0], [0.0], [1.0]], (len(again), 1, 1))
+    problem = BundleProblem(again, [], MODEL)
+    asked = np.zeros(1), np.array([1.0]), systematic
+    return float(calibrating_step(truth, problem, by_error, *asked).sigmas[0])
+
+
 def seen_of_last(seen: Observations, count: int) -> Observations:
     """The last camera sees so many points only, without depth."""
     of_last = np.flatnonzero(seen.camera == CAMERAS - 1)

@@ -21,9 +21,9 @@ LOOSE_POINT_SIGMA = 100.0  # m: of a point
 class CalibratingStep:
     """The bundle after a step, the errors' change (E,), their standard deviations (E,).
 
-    Those are of observations that err by themselves, or together where one camera made them (the
-    sandwich estimator of Liang and Zeger 1986): flaws of the model and wrong matches widen them.
-    The larger of the two counts, for few cameras tell the second too small.
+    Those are of observations that err by themselves and systematically, or together where one
+    camera made them (the sandwich estimator of Liang and Zeger 1986): flaws of the model and wrong
+    matches widen them. The larger of the two counts, for few cameras tell the second too small.
     """
 
     bundle: Bundle
@@ -32,14 +32,21 @@ class CalibratingStep:
 
 
 def calibrating_step(
-    bundle: Bundle, problem: BundleProblem, by_error: Array, pull: Array, prior_sigmas: Array
+    bundle: Bundle,
+    problem: BundleProblem,
+    by_error: Array,
+    pull: Array,
+    prior_sigmas: Array,
+    systematic: Array | float = 0.0,
 ) -> CalibratingStep:
     """Cameras, landmarks and sensor's errors, all at once.
 
     ``by_error`` (M, 3, E): how pixel and inverse depth that are measured grow with the errors;
-    ``pull`` (E,): the change that leads to their priors' means. Observations weigh as under the
-    kernel that `bundle.adjust` minimises. Edges are left out: they hold cameras that landmarks do
-    not, and these tell nothing of the sensor. Without observations nothing changes.
+    ``pull`` (E,): the change that leads to their priors' means; ``systematic`` (E,): by how much
+    what is measured errs as each of the errors would have it, and more observations tell it no
+    better. Observations weigh as under the kernel that `bundle.adjust` minimises. Edges are left
+    out: they hold cameras that landmarks do not, and these tell nothing of the sensor. Without
+    observations nothing changes.
     """
     if not len(problem.seen):
         return CalibratingStep(bundle, np.zeros_like(pull), prior_sigmas)
@@ -52,11 +59,13 @@ def calibrating_step(
     solved = normal.reduced(held, LOOSE_POINT_SIGMA**-2).solve(*normal.right(right))
     unexplained = right - normal.shown(solved)  # what no camera and no landmark explains
     design, residuals = unexplained[..., :-1], unexplained[..., -1]
-    information = np.einsum("mik,mil->kl", design, design) + np.diag(prior_sigmas**-2)
+    counts = 1 / (1 + systematic**2 * np.einsum("mik,mik->k", errors, errors))
+    by_themselves = np.einsum("mik,mil->kl", design, design)
+    information = np.sqrt(np.outer(counts, counts)) * by_themselves + np.diag(prior_sigmas**-2)
     covariance = np.linalg.inv(information)
-    gradient = np.einsum("mik,mi->k", design, residuals) + pull / prior_sigmas**2
+    gradient = counts * np.einsum("mik,mi->k", design, residuals) + pull / prior_sigmas**2
     change = covariance @ gradient
-    score = np.einsum("mik,mi->mk", design, residuals - design @ change)
+    score = counts * np.einsum("mik,mi->mk", design, residuals - design @ change)
     numbering = normal.numbering
     by_camera = np.zeros((len(numbering.cameras), len(change)))
     np.add.at(by_camera, numbering.camera, score)

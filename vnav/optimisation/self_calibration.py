@@ -20,6 +20,7 @@ from vnav.registration.pixel_evidence import DEPTH_DELAY_SIGMA_S, LINE_DELAY_SIG
 
 PRIOR_SIGMAS = np.array([2e-4, DEPTH_DELAY_SIGMA_S, LINE_DELAY_SIGMA_S, 1.0])  # 3 mm at 4 m first
 LARGEST = np.array([6e-4, 0.05, 1e-4, np.inf])  # what is found beyond is no such error
+SYSTEMATIC = np.array([1.2e-5, 0.0, 0.0, 0.0])  # 1/m: what a map's inverse depths err by together
 RIGHT_SHARE = 0.5  # of what depth's stamps vary, by which images bear them out
 SURE_SIGMAS = np.array([0.0, 5.0, 5.0, 5.0])  # with fewer from 0, a delay is not determined
 STEPS = 2  # in a pass, which chooses its observations, and measures them without the errors
@@ -76,8 +77,11 @@ def calibrated(
     Depth by triangulation, from structured light or stereo, errs by an offset of its disparity.
     That bends what is far against what is near, as no scale would, and landmarks seen from several
     places show it: c0 of Herrera, Kannala, Heikkila 2012, "Joint depth and color camera calibration
-    with distortion correction". A rolling shutter skews what a turning camera sees: Hedborg et al.
-    2012, "Rolling shutter bundle adjustment". Late depth is of another view than colour's.
+    with distortion correction". Where all is about as far, it hardly differs from a scale, and
+    small errors that observations have in common look like one: see `SYSTEMATIC`.
+
+    A rolling shutter skews what a turning camera sees: Hedborg et al. 2012, "Rolling shutter bundle
+    adjustment". Late depth is of another view than colour's.
     """
     start = known.values
     long, of_long = of_long_tracks(tracks, selection)
@@ -162,7 +166,8 @@ def _converged(
         grows = _by_capture(by_error[rows], tracks.captures[tracks.seen.camera[rows]], len(errors))
         for _ in range(STEPS):
             pull = -errors * free
-            step = calibrating_step(bundle, problem, grows, pull.ravel(), priors.ravel())
+            of_errors = pull.ravel(), priors.ravel(), np.tile(SYSTEMATIC, len(errors))
+            step = calibrating_step(bundle, problem, grows, *of_errors)
             bundle, errors = step.bundle, errors + step.change.reshape(errors.shape) * free
             problem = problem.measured_less(grows @ step.change)
         tracks, by_error = measured.without(_of_captures(errors))
