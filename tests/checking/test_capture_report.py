@@ -138,6 +138,27 @@ def test_every_damaged_file_is_found_not_only_among_the_frames_measured(
     assert len(report.files.unreadable) == FRAMES - 2
 
 
+def test_of_many_damaged_files_the_first_are_named_and_all_are_counted(
+    folder: Folder, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("vnav.checking.rules.NAMED", 2)
+    for k in range(1, FRAMES - 1):
+        folder.path("rgb", k).write_bytes(b"no image")
+    report = inspect(folder.capture())
+    named = [w for w in report.warnings if str(folder.root / "rgb") in w]
+    assert len(named) == 2
+    assert any(w.startswith(f"{FRAMES - 4} more cannot be read") for w in report.warnings)
+    assert len(report.files.unreadable) == FRAMES - 2
+
+
+def test_depth_of_another_size_than_colour_is_told_what_its_camera_lacks(folder: Folder) -> None:
+    for k in range(FRAMES):
+        folder.depth(k, np.ones((HEIGHT // 2, WIDTH // 2), np.uint16))
+    (found,) = inspect(folder.capture()).fatal
+    assert "like colour's" in found
+    assert "add its width and height to [depth]" in found
+
+
 def test_depth_of_the_wrong_kind_is_found_by_decoding(folder: Folder) -> None:
     cv2.imwrite(str(folder.path("depth", 3)), np.ones((HEIGHT, WIDTH), np.uint8))
     report = inspect(folder.capture())

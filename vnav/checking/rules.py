@@ -15,6 +15,7 @@ NEAREST_M, MEDIAN_M, FARTHEST_M = 0.2, (0.4, 6.0), 10.0
 USUAL_UNITS = (1000, 5000, 10000, 4000, 100)  # per metre, the most common first
 
 MANY_DROPPED, LITTLE_DEPTH, MANY_POOR = 0.1, 0.1, 0.3  # shares that are worth a warning
+NAMED = 10  # damaged files, before the others are counted
 FAR_OFF = 1 / 100  # of the image's width, that depth may lie beside colour: 6 px at 640
 CLEAR = 3  # standard deviations
 LATE_S = 0.05  # of depth beside colour: less is found and taken off when the map is made
@@ -34,13 +35,18 @@ def no_depth(capture: Capture) -> tuple[str, ...]:
 
 def wrong_sizes(camera: Camera, files: FileFindings) -> tuple[str, ...]:
     """What is wrong with the images' sizes: none readable, several mixed, not the camera's."""
+    mend = "correct its width and height, or name another camera"
+    of_color = "as [color] of the camera says", mend
+    of_depth = "as [depth] of the camera says", mend
+    if camera.depth is None:
+        of_depth = "like colour's", "add its width and height to [depth] of the camera"
     sensor = camera.depth or camera.color
     kinds = (
-        ("color", "colour", files.color_sizes, camera.color.size),
-        ("depth", "depth", files.depth_sizes, sensor.size),
+        ("colour", files.color_sizes, camera.color.size, *of_color),
+        ("depth", files.depth_sizes, sensor.size, *of_depth),
     )
     wrong = []
-    for section, kind, sizes, (width, height) in kinds:
+    for kind, sizes, (width, height), why, mend in kinds:
         if len(sizes) > 1:
             wrong.append(
                 f"expected {kind} images of one size, found {sizes_text(sizes)}; remove"
@@ -50,8 +56,8 @@ def wrong_sizes(camera: Camera, files: FileFindings) -> tuple[str, ...]:
             wrong.append(f"expected {kind} images, found none that can be read")
         elif (width, height) not in sizes:
             wrong.append(
-                f"expected {kind} images of {width} x {height}, as [{section}] of the camera says,"
-                f" found {sizes_text(sizes)}; correct its width and height, or name another camera"
+                f"expected {kind} images of {width} x {height}, {why}, found {sizes_text(sizes)};"
+                f" {mend}"
             )
     return tuple(wrong)
 
@@ -94,9 +100,13 @@ def implausible_units(used: float, look: FrameFindings, fitting: float | None) -
 def warnings(
     stamps_s: Array, files: FileFindings | None, look: FrameFindings | None
 ) -> tuple[str, ...]:
-    """What does not stop a map, but may spoil it; names every damaged file."""
-    found = [] if files is None else list(files.unreadable)
-    found += [] if look is None else look.unreadable
+    """What does not stop a map, but may spoil it; of very many damaged files the first."""
+    damaged = [] if files is None else list(files.unreadable)
+    damaged += [] if look is None else look.unreadable
+    damaged = list(dict.fromkeys(damaged))
+    found = damaged[:NAMED]
+    if len(damaged) > NAMED:
+        found.append(f"{len(damaged) - NAMED} more cannot be read; 'vnav check --json' names them")
     found += [] if files is None else _of_files(files, len(stamps_s))
     offset_s = 0.0 if files is None else files.median_offset_s
     found += [*_of_times(stamps_s), *([] if look is None else _of_look(look, offset_s))]

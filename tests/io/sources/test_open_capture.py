@@ -95,6 +95,30 @@ def test_the_largest_time_between_colour_and_depth_is_a_setting(tmp_path: Path) 
     assert len(open_capture(root, CaptureConfig(association_s=0.2))) == 1
 
 
+@pytest.mark.parametrize(
+    ("color_s", "depth_s", "told"),
+    [
+        (["1000", "1100", "1200"], ["1033", "1133", "1233"], "100 s .*in seconds"),
+        (["1.0", "1.1", "1.2"], ["3601.0", "3601.1", "3601.2"], "3600.000 s later .*take"),
+        (["9.0", "9.1", "9.2"], ["5.5", "5.6", "5.7"], "3.500 s earlier .*add"),
+    ],
+)
+def test_lists_that_have_no_time_in_common_say_what_is_wrong(
+    tmp_path: Path, color_s: list[str], depth_s: list[str], told: str
+) -> None:
+    root = write_tum(tmp_path, color_s, depth_s)
+    with pytest.raises(CaptureError, match=told):
+        open_capture(root, CONFIG)
+
+
+def test_a_list_of_one_time_for_all_is_refused(tmp_path: Path) -> None:
+    root = write_tum(tmp_path, ["1.0", "1.1", "1.2"], ["1.0", "1.1", "1.2"])
+    text = (root / "rgb.txt").read_text()
+    (root / "rgb.txt").write_text(text.replace("1.1 ", "1.0 ").replace("1.2 ", "1.0 "))
+    with pytest.raises(CaptureError, match=r"rgb.txt, found one for 3"):
+        open_capture(root, CONFIG)
+
+
 @pytest.mark.parametrize("line", ["1.0", "rgb/1.png 1.0", "nan rgb/1.png"])
 def test_a_wrong_line_of_a_tum_list_is_named(tmp_path: Path, line: str) -> None:
     root = write_tum(tmp_path, ["1.0"], ["1.0"])
@@ -123,6 +147,28 @@ def test_times_in_milliseconds_become_seconds(tmp_path: Path, first: str, second
     names = [f"{first}.png", f"{second}.png"]
     stamps_s = open_capture(write_folders(tmp_path, names, names), CONFIG).stamps_s
     np.testing.assert_allclose(stamps_s, [1305031102.175, 1305031102.208], atol=5e-4)
+
+
+@pytest.mark.parametrize(
+    ("first", "second"),
+    [
+        ("20261130_120059_800", "20261130_120100_000"),
+        ("2026-11-30_12-00-59.800", "2026-11-30_12-01-00.000"),
+        ("rgb_2026-11-30T12.00.59.8", "rgb_2026-11-30T12.01.00.0"),
+        ("20261130120059800", "20261130120100000"),
+    ],
+)
+def test_a_date_and_the_time_of_day_are_a_time(tmp_path: Path, first: str, second: str) -> None:
+    """2026-11-30 12:00:59.8 UTC, and 0.2 s later, beyond the minute."""
+    names = [f"{first}.png", f"{second}.png"]
+    stamps_s = open_capture(write_folders(tmp_path, names, names), CONFIG).stamps_s
+    np.testing.assert_allclose(stamps_s, [1796040059.8, 1796040060.0], atol=1e-6)
+
+
+def test_a_number_that_names_several_files_does_not_tell_frames_apart(tmp_path: Path) -> None:
+    names = ["12h01_take1.png", "12h02_take1.png", "12h03_take1.png"]
+    frames = open_capture(write_folders(tmp_path, names, names), CONFIG).files
+    assert [pair.depth.path.name for pair in frames.pairs] == names
 
 
 def test_folders_are_matched_by_number_and_a_missing_number_leaves_a_gap(tmp_path: Path) -> None:

@@ -1,11 +1,12 @@
 """A folder of colour images beside one of depth images, as Open3D and RealSense tools write them.
 
-Files belong together by the time in their names (1305031102.175304.png) or else by their number
-(color_000017.jpg, depth_000017.png), or else by their order.
+Files belong together by the time in their names (1305031102.175304.png, 20261130_120059_800.png) or
+else by their number (color_000017.jpg, depth_000017.png), or else by their order.
 """
 
 import re
 from collections.abc import Sequence
+from datetime import UTC, datetime
 from pathlib import Path
 
 import numpy as np
@@ -24,6 +25,10 @@ LAYOUT = "color/ and depth/"
 _COLOR, _DEPTH = ("color", "colour", "rgb"), ("depth", "depth_aligned")
 _COLOR_SUFFIXES, _DEPTH_SUFFIXES = (".jpg", ".jpeg", ".png"), (".png",)
 _AFTER_ANY_TIME_S = 1e11  # the year 5138
+_DATE = re.compile(
+    r"(?<!\d)((?:19|20)\d\d)\D?(\d\d)\D?(\d\d)\D?(\d\d)\D?(\d\d)\D?(\d\d)"
+    r"(?:\.(\d{1,9})|\D?(\d{3}|\d{6}|\d{9}))?$"
+)
 _TIME, _NUMBER = re.compile(r"\d+\.\d+$"), re.compile(r"\d+(?=\D*$)")
 
 
@@ -67,8 +72,32 @@ def _images(root: Path, names: tuple[str, ...], suffixes: tuple[str, ...]) -> li
 def _stamps_s(paths: Sequence[Path], config: CaptureConfig) -> NDArray[np.float64] | None:
     """Times from the files' names, or from their numbers; None where they have neither.
 
-    Numbers too large for seconds since 1970 are times too: milli-, micro- or nanoseconds.
+    Numbers too large for seconds since 1970 are times too: milli-, micro- or nanoseconds. What two
+    files have in common tells no frames apart.
     """
+    stamps_s = _dates_s(paths)
+    if stamps_s is None:
+        stamps_s = _numbers_s(paths, config)
+    is_of_one = stamps_s is not None and len(np.unique(stamps_s)) == len(paths)
+    return stamps_s if is_of_one else None
+
+
+def _dates_s(paths: Sequence[Path]) -> NDArray[np.float64] | None:
+    """Seconds since 1970 of dates with the time of day, which is taken for UTC."""
+    found = [_DATE.search(path.stem) for path in paths]
+    try:
+        return np.array([_date_s(match) for match in found if match]) if all(found) else None
+    except ValueError:  # a thirteenth month, or hour 25
+        return None
+
+
+def _date_s(match: re.Match[str]) -> float:
+    year, month, day, hour, minute, second = map(int, match.groups()[:6])
+    whole_s = datetime(year, month, day, hour, minute, second, tzinfo=UTC).timestamp()
+    return whole_s + float(f"0.{match[7] or match[8] or 0}")
+
+
+def _numbers_s(paths: Sequence[Path], config: CaptureConfig) -> NDArray[np.float64] | None:
     times = [_TIME.search(path.stem) for path in paths]
     numbers = [_NUMBER.search(path.stem) for path in paths]
     if not all(times) and not all(numbers):

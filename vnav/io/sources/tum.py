@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from vnav.config import CaptureConfig
+from vnav.core.arrays import Array
 from vnav.core.association import associate
 from vnav.core.camera import Camera
 from vnav.core.trajectory import Trajectory
@@ -18,6 +19,7 @@ from vnav.io.sources.frame_list import FrameList, ImageFile, paired, unpaired
 
 NAME = "TUM RGB-D"
 LAYOUT = "rgb.txt and depth.txt"
+SLOWEST_S = 10.0  # between images: what is farther apart is in another unit
 
 
 def recognises(root: Path) -> bool:
@@ -38,10 +40,25 @@ def list_frames(root: Path, config: CaptureConfig) -> FrameList:
     if not len(matches):
         raise CaptureError(
             f"expected colour and depth images less than {config.association_s:g} s apart in"
-            f" {root}, found none among {len(colors)} and {len(depths)}; if both are of the same"
-            " recording, raise it with --set capture.association_s=..."
+            f" {root}, found none among {len(colors)} and {len(depths)}: {_apart(color_s, depth_s)}"
         )
     return paired(colors, depths, matches)
+
+
+def _apart(color_s: Array, depth_s: Array) -> str:
+    """How two lists of times (N,), (M,) that have none in common differ, and what to do."""
+    if len(color_s) > 1 and (step_s := float(np.median(np.diff(np.sort(color_s))))) > SLOWEST_S:
+        return (
+            f"colour images are {step_s:g} s apart; write the times of both lists in seconds, if"
+            " they are in milliseconds or less"
+        )
+    later_s = float(np.median(np.sort(depth_s)) - np.median(np.sort(color_s)))
+    how, mend = ("later", "take that off") if later_s > 0 else ("earlier", "add that to")
+    return (
+        f"depth is {abs(later_s):.3f} s {how} in the median; if that is between two clocks, {mend}"
+        " the times of depth.txt; if frames are that slow, raise the limit with --set"
+        " capture.association_s=..."
+    )
 
 
 def truth_path(root: Path, frames: FrameList) -> Path | None:
@@ -71,6 +88,12 @@ def _read_list(path: Path) -> list[ImageFile]:
     ]
     if not images:
         raise CaptureError(f"expected lines 'time file' in {path}, found none")
+    times = len({image.stamp_s for image in images})
+    if len(images) > 2 * times:
+        raise CaptureError(
+            f"expected a time for each image in {path}, found {'one' if times == 1 else times} for"
+            f" {len(images)}; write seconds with all their digits"
+        )
     return images
 
 
