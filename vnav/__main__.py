@@ -1,9 +1,15 @@
 """The command line, as ``vnav`` and as ``python -m vnav``."""
 
 import gc
+import os
+import signal
 import sys
+import time
+from types import FrameType
 
 INTERRUPTED = 130  # exit code, as shells have it
+TOLD = "vnav: interrupted; what was finished is kept\n"
+ONCE_S = 1.0  # interruptions within are one: some programs send it twice
 
 
 def run() -> int:
@@ -12,16 +18,43 @@ def run() -> int:
     No garbage is sought among what is being loaded, nor among all there is when the process ends.
     """
     gc.disable()
+    _interrupt_once()
+    code = INTERRUPTED
     try:
         from vnav.cli.main import main
 
-        return main()
+        code = main()
     except KeyboardInterrupt:
-        sys.stderr.write("vnav: interrupted; what was finished is kept\n")
-        return INTERRUPTED
+        sys.stderr.write(TOLD)
+    except SystemError as error:  # compiled code makes one of an interruption
+        if not isinstance(error.__cause__, KeyboardInterrupt):
+            raise
+        sys.stderr.write(TOLD)
     finally:
         gc.disable()
         gc.freeze()
+    if code == INTERRUPTED:
+        signal.signal(signal.SIGINT, lambda *_: os._exit(code))  # threads may take a while to end
+    return code
+
+
+def _interrupt_once() -> None:
+    """Let the first interruption end the command in order, and one after a while at once.
+
+    What comes meanwhile would break off the tidying up. A shell's background job has none.
+    """
+    first_s: list[float] = []
+
+    def interrupt(number: int, frame: FrameType | None) -> None:
+        if not first_s:
+            first_s.append(time.monotonic())
+            raise KeyboardInterrupt
+        if time.monotonic() - first_s[0] > ONCE_S:
+            os.write(sys.stderr.fileno(), TOLD.encode())
+            os._exit(INTERRUPTED)
+
+    if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
+        signal.signal(signal.SIGINT, interrupt)
 
 
 if __name__ == "__main__":

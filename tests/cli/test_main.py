@@ -1,7 +1,9 @@
 import errno
 import os
+import signal
 import subprocess
 import sys
+import textwrap
 from pathlib import Path
 from types import ModuleType
 
@@ -224,3 +226,79 @@ sys.exit(run())
     done = subprocess.run(command, cwd=tmp_path, text=True, capture_output=True)
     assert done.returncode == 130
     assert done.stderr == "vnav: interrupted; what was finished is kept\n"
+
+
+def interrupted(tmp_path: Path, body: str) -> subprocess.CompletedProcess[str]:
+    """The end of a command line whose command is ``body``, in a process of its own."""
+    code = f"""
+import os, signal, sys, types
+command = types.ModuleType("vnav.cli.main")
+def main():
+    {textwrap.indent(textwrap.dedent(body).strip(), "    ").strip()}
+command.main = main
+sys.modules[command.__name__] = command
+from vnav import __main__
+__main__.ONCE_S = 0.2
+def interrupt():
+    os.kill(os.getpid(), signal.SIGINT)
+sys.exit(__main__.run())
+"""
+    return subprocess.run(
+        [sys.executable, "-c", code],
+        cwd=tmp_path,
+        text=True,
+        capture_output=True,
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.default_int_handler),
+    )
+
+
+def test_what_interrupts_twice_at_once_does_not_break_off_the_tidying_up(tmp_path: Path) -> None:
+    done = interrupted(
+        tmp_path,
+        """
+        try:
+            interrupt()
+        finally:
+            interrupt()
+            print("tidied up")
+        """,
+    )
+    assert (done.returncode, done.stdout) == (130, "tidied up\n")
+    assert done.stderr == "vnav: interrupted; what was finished is kept\n"
+
+
+def test_who_interrupts_once_more_after_a_while_waits_no_longer(tmp_path: Path) -> None:
+    done = interrupted(
+        tmp_path,
+        """
+        import time
+        try:
+            interrupt()
+        finally:
+            time.sleep(0.3)
+            interrupt()
+            time.sleep(60)
+        """,
+    )
+    assert (done.returncode, done.stdout) == (130, "")
+    assert done.stderr == "vnav: interrupted; what was finished is kept\n"
+
+
+def test_an_interruption_of_compiled_code_is_no_bug(tmp_path: Path) -> None:
+    done = interrupted(tmp_path, "raise SystemError('of a dispatcher') from KeyboardInterrupt()")
+    assert done.returncode == 130
+    assert done.stderr == "vnav: interrupted; what was finished is kept\n"
+
+
+def test_a_background_job_is_not_interrupted(tmp_path: Path) -> None:
+    """A shell starts it with the signal ignored."""
+    code = """
+import signal
+signal.signal(signal.SIGINT, signal.SIG_IGN)
+from vnav import __main__
+__main__._interrupt_once()
+print(signal.getsignal(signal.SIGINT) is signal.SIG_IGN)
+"""
+    command = [sys.executable, "-c", code]
+    done = subprocess.run(command, cwd=tmp_path, text=True, capture_output=True)
+    assert done.stdout == "True\n"
