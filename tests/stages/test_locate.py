@@ -10,6 +10,7 @@ import pytest
 
 from vnav.config import Config
 from vnav.core import se3
+from vnav.core.camera import Intrinsics
 from vnav.errors import PhotoError
 from vnav.io.formats.trajectories import read_tum
 from vnav.io.store.artifacts import load_optimised
@@ -243,6 +244,34 @@ def test_a_wrongly_assumed_camera_is_doubted(
     answer = locator.locate(tmp_path / "photo.png")
     assert answer.camera.source == "assumed"
     assert answer.best is None or "focal length" in answer.warnings[0]
+
+
+def test_a_raw_frame_of_the_recording_is_placed_by_its_lens(
+    folder: MapFolder, locator: Locator, tmp_path: Path
+) -> None:
+    """The map was made of frames without distortion, and the camera still has it."""
+    lens = dataclasses.replace(locator.map_cameras[0], distortion=(0.26, -0.95, -0.005, 0.003, 1.2))
+    capture = folder.captures[0] | {"recorded_camera": dataclasses.asdict(lens)}
+    shutil.copytree(folder.root, tmp_path / "map")
+    bent = MapFolder(tmp_path / "map")
+    bent.set_captures([capture])
+    frame = locator.keyframe(5)
+    cv2.imwrite(str(tmp_path / "raw.png"), seen_through(lens, frame.color)[..., ::-1])
+    truth = load_optimised(folder).T_world_camera[locator._kept[1][5]]
+    answers = [Locator.open(m, Config()).locate(tmp_path / "raw.png") for m in (bent, folder)]
+    assert answers[0].camera.source == "assumed"
+    off_m = [np.linalg.norm(a.best.view.centre_world - truth[:3, 3]) for a in answers if a.best]
+    assert off_m[0] < 0.01
+    assert len(off_m) == 1 or off_m[1] > 2 * off_m[0]
+
+
+def seen_through(lens: Intrinsics, image: np.ndarray) -> np.ndarray:
+    """What a lens makes of an image without distortion."""
+    v, u = np.mgrid[: lens.height, : lens.width].astype(np.float32)
+    px = np.stack([u, v], -1).reshape(-1, 1, 2)
+    straight = cv2.undistortPoints(px, lens.K, np.array(lens.distortion), P=lens.K)
+    x, y = straight.reshape(lens.height, lens.width, 2).transpose(2, 0, 1)
+    return cv2.remap(image, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
 
 
 def with_exif(photo: Path, focal_px: float, size: tuple[int, int], out: Path) -> Path:

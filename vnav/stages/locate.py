@@ -36,7 +36,7 @@ from vnav.io.store.artifacts import (
     keyframe_rows,
     load_frame_table,
     load_keyframe,
-    map_camera,
+    recorded_camera,
 )
 from vnav.io.store.index_file import load_index
 from vnav.io.store.map_folder import MapFolder
@@ -65,7 +65,7 @@ class Locator:
     """Finds photos in one map, which is loaded once; may be asked from several threads.
 
     ``camera``: of all photos; a camera.toml, "auto" or intrinsics; None: see `photo_camera`.
-    ``map_cameras`` are those of the map's captures, ``features`` the settings it was made with.
+    ``map_cameras``: those that recorded the map's captures; ``features``: its settings.
     """
 
     folder: MapFolder
@@ -81,7 +81,7 @@ class Locator:
         Thread(target=load_compiled).start()  # while the index is read and features are found
         tree = load_tree(folder)
         database = LandmarkDatabase(load_index(folder, tree), tree)
-        cameras = tuple(map_camera(folder, k) for k in range(len(folder.captures)))
+        cameras = tuple(recorded_camera(folder, k) for k in range(len(folder.captures)))
         recorded = {"features": folder.settings("odometry")["features"]}
         features = updated(Config(), recorded, f"the stage odometry of {folder.root}").features
         return cls(folder, database, cameras, features, config, camera)

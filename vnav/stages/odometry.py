@@ -218,9 +218,13 @@ def _frame_table(capture: Capture) -> FrameTable:
 
 def described(number: int, capture: Capture) -> MappedCapture:
     """A capture as the map lists it."""
-    camera = dataclasses.asdict(rectified(capture.camera))
-    fingerprint = capture.fingerprint()
-    return {"id": number, "name": capture.name, "fingerprint": fingerprint, "camera": camera}
+    recorded, camera = capture.camera.color, dataclasses.asdict(rectified(capture.camera))
+    found = MappedCapture(
+        id=number, name=capture.name, fingerprint=capture.fingerprint(), camera=camera
+    )
+    if any(recorded.distortion):
+        found["recorded_camera"] = dataclasses.asdict(recorded)
+    return found
 
 
 def report(odometry: Odometry, hidden: float = 0.0) -> Report:

@@ -259,6 +259,17 @@ def test_the_camera_of_the_map_is_undistorted_and_whole(folder: MapFolder) -> No
     assert artifacts.map_camera(folder).size == (64, 48)
     assert artifacts.map_camera(folder, 1).fx == 60.0
     assert artifacts.map_camera(folder).distortion == ()
+    assert artifacts.recorded_camera(folder, 1) == artifacts.map_camera(folder, 1)
+
+
+def test_the_camera_that_recorded_may_have_a_lens(folder: MapFolder) -> None:
+    camera = {"width": 64, "height": 48, "fx": 50.0, "fy": 51.0, "cx": 31.5, "cy": 23.5}
+    bent = camera | {"distortion": [0.2, -0.1, 0.0, 0.0]}
+    entry = mapped(camera)
+    entry["recorded_camera"] = bent
+    folder.set_captures([entry])
+    assert artifacts.map_camera(folder).distortion == ()
+    assert artifacts.recorded_camera(folder).distortion == (0.2, -0.1, 0.0, 0.0)
 
 
 @pytest.mark.parametrize(

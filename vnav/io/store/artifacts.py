@@ -48,7 +48,17 @@ DEPTH_UNITS_PER_METRE = 5000  # of the keyframes' depth images: 0.2 mm steps up 
 
 def map_camera(folder: MapFolder, capture: int = 0) -> Intrinsics:
     """The undistorted colour camera that the frames of a capture of this map were seen by."""
-    path, found = folder.root / "map.json", folder.captures[capture]["camera"]
+    return _camera(folder, folder.captures[capture]["camera"])
+
+
+def recorded_camera(folder: MapFolder, capture: int = 0) -> Intrinsics:
+    """The colour camera of a capture of this map as it recorded, with its lens's distortion."""
+    found = folder.captures[capture]
+    return _camera(folder, found.get("recorded_camera", found["camera"]))
+
+
+def _camera(folder: MapFolder, found: dict[str, Any]) -> Intrinsics:
+    path = folder.root / "map.json"
     try:
         camera = msgspec.convert(found, Intrinsics)
     except msgspec.ValidationError as error:

@@ -1,7 +1,7 @@
 """What a map's JSON files hold, by type: a crafted one is refused before anything relies on it."""
 
 from pathlib import Path, PurePosixPath
-from typing import Any, TypedDict, TypeVar
+from typing import Any, NotRequired, TypedDict, TypeVar
 
 import msgspec
 import numpy as np
@@ -18,12 +18,13 @@ PATH_M = 0.05  # how high above the floor a path is drawn
 
 
 class MappedCapture(TypedDict):
-    """A capture of a map."""
+    """A capture of a map; ``camera``: without the distortion that the recorded one may have."""
 
     id: int
     name: str
     fingerprint: str
     camera: dict[str, Any]
+    recorded_camera: NotRequired[dict[str, Any]]
 
 
 class CaptureList(TypedDict):
