@@ -141,6 +141,7 @@ links: $(VENV)/installed
 	$(SOURCES) | LC_ALL=C sort > $(VENV)/files
 
 $(VENV)/installed: pyproject.toml $(CONSTRAINTS) | $(BIN)/pip
+	@echo "installing what vnav needs, about 2 GB: some minutes"
 	$(INSTALL) --editable '.[test]'
 	@$(SOURCES) | LC_ALL=C sort > $(VENV)/files
 	@touch $@

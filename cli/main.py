@@ -1,5 +1,6 @@
 """The entry point: one lazy group, and the one place that catches VnavError."""
 
+import errno
 import io
 import os
 import sys
@@ -18,6 +19,7 @@ from vnav.cli.say import say
 from vnav.errors import VnavError, notes_of
 from vnav.memory import keep_freed
 
+UNREADABLE = errno.EACCES, errno.EPERM, errno.ENOENT, errno.EISDIR, errno.ENOTDIR
 COMMANDS = {  # section of the help: command: its module
     "Map a place": {
         "build-map": "build_map",
@@ -125,7 +127,8 @@ def _in_one_line(error: Exception) -> str | None:
         return f"a library cannot be loaded: {error}; 'vnav doctor' tells more"
     if isinstance(error, OSError):
         where = f"{error.filename}: " if error.filename else ""
-        return f"{where}{error.strerror or error}; what was finished is kept"
+        kept = "" if error.errno in UNREADABLE else "; what was finished is kept"
+        return f"{where}{error.strerror or error}{kept}"
     return " ".join(str(error).split("\n")).strip()
 
 

@@ -147,11 +147,14 @@ class _ConsoleProgress:
         click.echo(("\r\x1b[K" if self._live else "") + line + end, err=True, nl=False)
 
 
+ENOUGH = 5  # that are done tell a rate: the first may have waited for what is compiled
+
+
 def pace(done: int, left: int, seconds: float) -> str:
     """Rate and time left, or time taken where nothing is left; empty while it cannot be told."""
     if left <= 0:
         return f"  ({seconds:.0f} s)"
-    if done <= 0 or seconds < 1:
+    if done < max(1, min(ENOUGH, (done + left) // 20)) or seconds < 1:
         return ""
     rate = done / seconds
     left_s = left / rate

@@ -90,7 +90,9 @@ def test_no_handler_outlives_its_command(command: click.Command) -> None:
     ("done", "left", "seconds", "expected"),
     [
         (20, 100, 10.0, "  2/s, 50 s left"),
-        (1, 599, 2.0, "  0.5/s, 20 min left"),
+        (1, 9, 20.0, "  0.05/s, 3 min left"),
+        (2, 598, 80.0, ""),
+        (5, 595, 10.0, "  0.5/s, 20 min left"),
         (0, 100, 10.0, ""),
         (5, 100, 0.5, ""),
         (100, 0, 12.4, "  (12 s)"),

@@ -58,6 +58,13 @@ def test_an_error_of_the_system_is_one_line_on_stderr_and_exits_with_1(
     assert capsys.readouterr() == ("", said)
 
 
+def test_what_cannot_be_read_has_nothing_that_is_kept(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run(monkeypatch, PermissionError(errno.EACCES, "Permission denied", "map.json")) == 1
+    assert capsys.readouterr() == ("", "vnav: map.json: Permission denied\n")
+
+
 @pytest.mark.parametrize(
     ("error", "said"),
     [

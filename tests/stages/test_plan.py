@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 import yaml
 from click.testing import CliRunner, Result
+from matplotlib.text import Annotation
 from numpy.typing import NDArray
 from rosbags.interfaces import Nodetype
 from rosbags.typesys import Stores, get_typestore
@@ -37,7 +38,7 @@ from vnav.planning.costmap import Costmap, costmap
 from vnav.planning.planner import Plan
 from vnav.reporting.plan_picture import plan_figure, write_picture
 from vnav.reporting.plan_text import summary, write_csv
-from vnav.stages.plan import PlanAnswer, map_uncertainty_m, plan
+from vnav.stages.plan import FloorPose, PlanAnswer, map_uncertainty_m, plan
 
 CONFIG = PlanConfig()
 ROS = get_typestore(Stores.ROS2_HUMBLE)
@@ -337,6 +338,29 @@ def test_the_picture_shows_path_ends_and_legend(rooms: Path) -> None:
     for end in (answer.plan.start, answer.plan.goal):
         assert any(np.array_equal(line, [end.asked]) for line in drawn)
         assert any(np.allclose(line, [end.snapped]) for line in drawn)
+
+
+def test_the_start_looks_where_its_photo_looked(rooms: Path) -> None:
+    """And the path leaves it another way."""
+    answer = _ask(rooms, "0,0", "6,0")
+    assert isinstance(answer.plan, Plan)
+    start = FloorPose(answer.plan.start.asked, 2.0)
+    turned = dataclasses.replace(answer, places=(start, answer.places[1]))
+    texts = plan_figure(turned).axes[0].texts
+    arrow = next(text for text in texts if isinstance(text, Annotation))
+    x, y = np.subtract(arrow.xy, arrow.xyann)
+    assert np.arctan2(y, x) == pytest.approx(2.0)
+    assert abs(answer.plan.poses[0, 2]) < 1.0
+
+
+def test_without_a_path_the_legend_shows_places_as_they_are_drawn(rooms: Path) -> None:
+    answer = _ask(rooms, "0,0", "40,0")
+    assert not isinstance(answer.plan, Plan)
+    (legend,) = plan_figure(answer).legends
+    entries = dict(
+        zip([t.get_text() for t in legend.get_texts()], legend.legend_handles, strict=True)
+    )
+    assert entries["start"].get_markerfacecolor() == "none"
 
 
 def test_the_legend_has_no_moved_place_where_none_was_moved(rooms: Path) -> None:

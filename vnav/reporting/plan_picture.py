@@ -52,10 +52,12 @@ def plan_figure(answer: PlanAnswer) -> Figure:
         entries += _draw_narrowest(axes, answer.narrowest)
     start, goal = answer.places
     for look, places in ((START, (start,)), (GOAL, (goal,)), (VIA, answer.via)):
-        entries += _draw_places(axes, look, places)
+        entries += _draw_places(axes, look, places, filled=bool(found))
     if found:
-        _draw_end(axes, START, found.poses[0])
-        _draw_end(axes, GOAL, found.poses[-1])
+        first, last = found.poses[[0, -1]]
+        faces = start.yaw_rad if isinstance(start, FloorPose) else None
+        _draw_end(axes, START, first if faces is None else np.append(first[:2], faces))
+        _draw_end(axes, GOAL, last)
         for over in found.via:
             axes.plot(*over.snapped, VIA[2], color=VIA[1], ms=VIA[3], zorder=5)
         if any(end.moved_m for end in (found.start, found.goal, *found.via)):
@@ -109,13 +111,19 @@ def _draw_narrowest(axes: Axes, place: NarrowPlace) -> list[Artist]:
     return [Line2D([], [], color=NARROW, ls="", marker="o", mfc="none", label=label)]
 
 
-def _draw_places(axes: Axes, look: Look, places: Sequence[FloorPose | Rejected]) -> list[Artist]:
-    """Places that were asked for, hollow, as far as they are known."""
+def _draw_places(
+    axes: Axes, look: Look, places: Sequence[FloorPose | Rejected], *, filled: bool
+) -> list[Artist]:
+    """Places that were asked for, hollow, as far as they are known; ``filled``: in the legend."""
     name, color, marker, size = look
     known = [place for place in places if isinstance(place, FloorPose)]
     for place in known:
         axes.plot(*place.point, marker, color=color, ms=size + 1, mfc="none", mew=1.5, zorder=4)
-    return [Line2D([], [], color=color, ls="", marker=marker, ms=size, label=name)] if known else []
+    if not known:
+        return []
+    entry = Line2D([], [], color=color, ls="", marker=marker, ms=size, label=name)
+    entry.set_markerfacecolor(color if filled else "none")
+    return [entry]
 
 
 def _draw_end(axes: Axes, look: Look, pose: Array) -> None:

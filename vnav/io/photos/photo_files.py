@@ -29,7 +29,8 @@ def read_photo(path: Path) -> NDArray[np.uint8]:
     try:
         return read_image(path)
     except CaptureError as error:
-        raise PhotoError(f"{error}; photos are JPEG, PNG or HEIC, convert others") from error
+        mend = "photos are JPEG, PNG or HEIC, convert others" if path.exists() else "name a photo"
+        raise PhotoError(f"{error}; {mend}") from error
 
 
 def find_photos(paths: Iterable[Path]) -> list[Path]:
