@@ -64,16 +64,28 @@ SHIFT = se3.make(np.eye(3), [0.2, 0, 0])  # far beyond noise, and within the vie
 
 
 @pytest.mark.parametrize(
-    ("in_favour", "taken"), [(10.0, "found"), (-10.0, "near"), (1.0, "neither"), (None, "found")]
+    ("in_favour", "sure", "taken"),
+    [
+        (10.0, 1.0, "found"),
+        (-10.0, 0.4, "near"),
+        (1.0, 1.0, "neither"),
+        (-1.0, 1.0, "near"),
+        (-1.0, 0.9, "neither"),
+        (None, 1.0, "found"),
+    ],
 )
 def test_pixels_choose_between_the_motion_found_and_the_one_near_the_poses(
     odometry: Odometry,
     camera: Intrinsics,
     monkeypatch: pytest.MonkeyPatch,
     in_favour: float | None,
+    sure: float,
     taken: str,
 ) -> None:
+    """What odometry is ``sure`` of between neighbours counts where pixels leave it open."""
     i, j = odometry.keyframe_rows[:2].tolist()
+    edges = tuple(dataclasses.replace(e, probability=sure) for e in odometry.edges)
+    odometry = dataclasses.replace(odometry, edges=edges)
     T_i_j = se3.inverse(odometry.T_segment_camera[i]) @ odometry.T_segment_camera[j]
     right = PointRegistration.register
     monkeypatch.setattr(

@@ -405,6 +405,19 @@ def test_what_errs_together_is_told_no_better_by_more_observations() -> None:
     assert together[0] / together[1] < 1.4
 
 
+def test_a_step_tells_where_noise_alone_would_have_led() -> None:
+    rng = np.random.default_rng(21)
+    truth = scene(rng)
+    seen = with_offset(measured(truth, rng, 0.01), 3e-4)
+    by_error = np.tile([[0.0], [0.0], [1.0]], (len(seen), 1, 1))
+    problem = BundleProblem(seen, [], sharp(0.01))
+    asked = truth, problem, by_error, np.zeros(1), PRIOR_SIGMAS[:1]
+    alone, common = calibrating_step(*asked), calibrating_step(*asked, np.array([1e-5]))
+    assert alone.by_noise == pytest.approx(alone.change)
+    assert common.by_noise == pytest.approx(alone.change)
+    assert 0 < common.change[0] < 0.8 * alone.change[0]
+
+
 def sigma_of_offset(
     truth: Bundle, seen: Observations, times: int, systematic: np.ndarray | float
 ) -> float:

@@ -355,6 +355,14 @@ def test_a_delay_beyond_any_sensors_is_none() -> None:
     assert sensor.errors[0].line_delay_s == 0
 
 
+def test_an_offset_beyond_any_sensors_is_none() -> None:
+    """Though little of it is left after errors in common are allowed for."""
+    scene = moving_scene(SensorErrors(depth_offset=2 * LARGEST[0]))
+    at_rest, selection = scene.tracks.at_rest(), scene.selection
+    sensor, _ = calibrated(scene.bundle, at_rest, selection, UNKNOWN)
+    assert sensor.errors[0].depth_offset == 0
+
+
 def test_a_delay_that_is_refused_leaves_no_trace() -> None:
     """Landmarks, those of one sighting too, are where they were had it never been tried."""
     scene = moving_scene(SensorErrors(line_delay_s=1.5 * LARGEST[2]))

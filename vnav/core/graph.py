@@ -16,12 +16,21 @@ def ends_of(edges: Sequence[Edge]) -> NDArray[np.intp]:
     return np.array([(e.i, e.j) for e in edges], np.intp).reshape(-1, 2)
 
 
+SURE = 0.99  # the most that an edge's probability counts for
+
+
 def best_into(edges: Iterable[Edge]) -> dict[int, float]:
     """By frame that edges lead to: the probability of the most likely of them."""
     best: dict[int, float] = {}
     for e in edges:
         best[e.j] = max(best.get(e.j, 0.0), e.probability)
     return best
+
+
+def log_odds_of(probability: float) -> float:
+    """That an edge is right; one that is sure counts for as much as what is just clear."""
+    p = min(max(probability, 1 - SURE), SURE)
+    return float(np.log(p / (1 - p)))
 
 
 def chain(

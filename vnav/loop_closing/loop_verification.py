@@ -14,7 +14,8 @@ from vnav.core import se3
 from vnav.core.arrays import Array
 from vnav.core.camera import Intrinsics
 from vnav.core.frame import Edge, PoseEstimate, Rejected
-from vnav.core.mapping import FrameFeatures, LoopVerdict, Odometry
+from vnav.core.graph import best_into, log_odds_of
+from vnav.core.mapping import LoopVerdict, Odometry
 from vnav.core.progress import Progress, silent
 from vnav.core.view_overlap import are_apart
 from vnav.features.matching import DescriptorMatcher
@@ -131,23 +132,46 @@ class LoopVerifier:
         near = registration.register_near(a, b, predicted)
         if isinstance(found, Rejected) or isinstance(near, Rejected):
             return found
-        if _apart_px(a, of_b, found, near) < settings.refine_radius_px:
+        points = a.points_camera[found.inliers[:, 0]].astype(float)
+        if _apart_px(points, of_b, found.T_a_b, near.T_a_b) < settings.refine_radius_px:
             return found
-        return self._preferred(found, near, a.row, b.row)
+        T_a_b = self._by_odometry(a.row, b.row)
+        led_there = _apart_px(points, of_b, T_a_b, near.T_a_b) < settings.refine_radius_px
+        before = self._log_odds_before(candidate) if led_there else 0.0
+        return self._preferred(found, near, before, a.row, b.row)
 
     def _preferred(
-        self, found: PoseEstimate, near: PoseEstimate, i: int, j: int
+        self, found: PoseEstimate, near: PoseEstimate, before: float, i: int, j: int
     ) -> PoseEstimate | Rejected:
         """Of two motions from row i to j the one that pixels clearly prefer, else none.
 
-        Among things that look the same, matches agree on wrong motions, too.
+        Among things that look the same, matches agree on wrong motions, too. ``before``: log-odds
+        of the near one, which only decide where pixels do not.
         """
         if self._log_odds is None:
             return found
         in_favour = float(self._log_odds(i, j, [found.T_a_b, near.T_a_b])[0, 1])
-        if abs(in_favour) < CLEAR:
-            return Rejected(AMBIGUOUS, found.matches, found.agreeing)
-        return found if in_favour > 0 else near
+        if in_favour > CLEAR:
+            return found
+        if in_favour - before < -CLEAR:
+            return near
+        return Rejected(AMBIGUOUS, found.matches, found.agreeing)
+
+    def _log_odds_before(self, candidate: LoopCandidate) -> float:
+        """Of odometry's motion between neighbours, by the least probable of the edges on the way.
+
+        What more keyframes are between has drifted, or odometry did not join it: 0.
+        """
+        if not self._are_neighbours(candidate):
+            return 0.0
+        i, j = self._odometry.keyframe_rows[[candidate.i, candidate.j]].tolist()
+        into = best_into(e for e in self._odometry.edges if i <= e.i and e.j <= j)
+        return log_odds_of(min(into.values(), default=0.5))
+
+    def _by_odometry(self, i: int, j: int) -> Array:
+        """The motion from row i to j as odometry has it, within a segment."""
+        T = self._odometry.T_segment_camera
+        return np.asarray(se3.inverse(T[i]) @ T[j])
 
     def _are_neighbours(self, candidate: LoopCandidate) -> bool:
         """Whether odometry joined the two, with few keyframes between."""
@@ -161,8 +185,7 @@ class LoopVerifier:
         return edge.with_added_noise(*self._added_noise)
 
 
-def _apart_px(a: FrameFeatures, of_b: Intrinsics, found: PoseEstimate, near: PoseEstimate) -> float:
-    """How far two motions put a point of a from each other in b's image; the median."""
-    points = a.points_camera[found.inliers[:, 0]]
-    places = (of_b.project(se3.transform(se3.inverse(e.T_a_b), points)) for e in (found, near))
+def _apart_px(points: Array, of_b: Intrinsics, T_a_b: Array, other: Array) -> float:
+    """How far two motions put a point (N, 3) of a from each other in b's image; the median."""
+    places = (of_b.project(se3.transform(se3.inverse(T), points)) for T in (T_a_b, other))
     return float(np.median(np.linalg.norm(np.subtract(*places), axis=1)))

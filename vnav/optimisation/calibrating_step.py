@@ -21,13 +21,17 @@ LOOSE_POINT_SIGMA = 100.0  # m: of a point
 class CalibratingStep:
     """The bundle after a step, the errors' change (E,), their standard deviations (E,).
 
-    Those are of observations that err by themselves and systematically, or together where one
-    camera made them (the sandwich estimator of Liang and Zeger 1986): flaws of the model and wrong
-    matches widen them. The larger of the two counts, for few cameras tell the second too small.
+    ``by_noise`` (E,): the change that there would be, did observations err by themselves alone.
+
+    The standard deviations are of observations that err by themselves and systematically, or
+    together where one camera made them (the sandwich estimator of Liang and Zeger 1986): flaws of
+    the model and wrong matches widen them. The larger of the two counts, for few cameras tell the
+    second too small.
     """
 
     bundle: Bundle
     change: Array
+    by_noise: Array
     sigmas: Array
 
 
@@ -49,7 +53,7 @@ def calibrating_step(
     observations nothing changes.
     """
     if not len(problem.seen):
-        return CalibratingStep(bundle, np.zeros_like(pull), prior_sigmas)
+        return CalibratingStep(bundle, np.zeros_like(pull), np.zeros_like(pull), prior_sigmas)
     residuals, of_camera, of_point, root = problem.model.weighted(bundle, problem.seen)
     errors = by_error * root[:, None, None] / problem.model.sigmas[:, None]
     errors[~np.isfinite(problem.seen.inverse_depth), 2] = 0
@@ -60,11 +64,11 @@ def calibrating_step(
     unexplained = right - normal.shown(solved)  # what no camera and no landmark explains
     design, residuals = unexplained[..., :-1], unexplained[..., -1]
     counts = 1 / (1 + systematic**2 * np.einsum("mik,mik->k", errors, errors))
-    by_themselves = np.einsum("mik,mil->kl", design, design)
-    information = np.sqrt(np.outer(counts, counts)) * by_themselves + np.diag(prior_sigmas**-2)
-    covariance = np.linalg.inv(information)
-    gradient = counts * np.einsum("mik,mi->k", design, residuals) + pull / prior_sigmas**2
-    change = covariance @ gradient
+    prior, drawn = np.diag(prior_sigmas**-2), pull / prior_sigmas**2
+    information, gradient = (np.einsum("mik,mi...->k...", design, k) for k in (design, residuals))
+    by_noise = np.linalg.solve(information + prior, gradient + drawn)
+    covariance = np.linalg.inv(np.sqrt(np.outer(counts, counts)) * information + prior)
+    change = covariance @ (counts * gradient + drawn)
     score = counts * np.einsum("mik,mi->mk", design, residuals - design @ change)
     numbering = normal.numbering
     by_camera = np.zeros((len(numbering.cameras), len(change)))
@@ -74,7 +78,7 @@ def calibrating_step(
     moved = normal.moved(bundle, solved, np.append(-change, 1.0))
     if problem.prior and problem.prior.fixed:
         moved = Bundle(bundle.T_world_camera, moved.points_world)
-    return CalibratingStep(moved, change, sigmas)
+    return CalibratingStep(moved, change, by_noise, sigmas)
 
 
 def _held(problem: BundleProblem, count: int) -> Array:

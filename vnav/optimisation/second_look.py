@@ -13,6 +13,7 @@ from vnav.core.arrays import Array, evenly
 from vnav.core.camera import Intrinsics
 from vnav.core.camera_motion import velocities
 from vnav.core.frame import Edge, Frame, PoseEstimate, Rejected
+from vnav.core.graph import log_odds_of
 from vnav.core.jumps import RUSH, jumps
 from vnav.core.mapping import LOST, Odometry
 from vnav.core.reduced_frame import ReducedFrame
@@ -32,7 +33,6 @@ MOST_PAIRS = 60  # of keyframes that are compared, where two parts are to be joi
 MOST_THROUGH = 0.2  # of them that may see through each other: docs/log.md
 DRIFTED_SIGMAS = 24.0  # from which a surface is seen through, 0.13 m at 2 m: drift is left
 KEPT_IMAGES = 120  # of keyframes, reduced: about 60 MB
-SURE = 0.99  # the most that odometry's own edges count for: as much as what is just clear
 Views = Callable[[int], Frame]  # the images of a keyframe, by its row
 
 
@@ -120,8 +120,7 @@ class SecondLook:
 
     def _log_odds_before(self, stretch: Contradiction) -> float:
         """Of odometry's motion across a stretch, by the least probable of its frames' edges."""
-        p = np.clip(stretch.weakest(self._odometry.edges)[1], 1 - SURE, SURE)
-        return float(np.log(p / (1 - p)))
+        return log_odds_of(stretch.weakest(self._odometry.edges)[1])
 
     def _log_odds_of_steps(self, stretch: Contradiction, motions: Sequence[Array]) -> float:
         """Of the first of two motions across a stretch, by what a camera can do.

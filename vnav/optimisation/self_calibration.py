@@ -168,6 +168,7 @@ def _converged(
             pull = -errors * free
             of_errors = pull.ravel(), priors.ravel(), np.tile(SYSTEMATIC, len(errors))
             step = calibrating_step(bundle, problem, grows, *of_errors)
+            by_noise = errors + step.by_noise.reshape(errors.shape) * free
             bundle, errors = step.bundle, errors + step.change.reshape(errors.shape) * free
             problem = problem.measured_less(grows @ step.change)
         tracks, by_error = measured.without(_of_captures(errors))
@@ -175,7 +176,9 @@ def _converged(
         sigmas = step.sigmas.reshape(errors.shape)
         enough = np.maximum(CONVERGED_SIGMAS * sigmas, CONVERGED_SHARE * np.abs(errors))
         settled = width == 1 and (np.abs(errors - before) <= enough).all()
-        if settled or (np.abs(errors) > LARGEST).any():
+        beyond = np.abs(by_noise) > LARGEST
+        errors = np.where(beyond, by_noise, errors)
+        if settled or beyond.any():
             break
     return SensorCalibration(_of_captures(errors), sigmas), bundle
 
