@@ -311,6 +311,7 @@ def test_the_table_has_a_line_for_each_photo(
     header, good, bad = table.read_text().splitlines()
     assert header.split(",") == list(CSV_HEADER)
     assert len(good.split(",")) == len(CSV_HEADER)
+    assert float(good.split(",")[-1]) == pytest.approx(answers[0].confidence, abs=1e-4)
     assert bad.startswith('x.jpg,False,"expected, found",')
 
 

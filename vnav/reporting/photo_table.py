@@ -15,6 +15,7 @@ from vnav.localisation.verdict.answer import HELD, PhotoAnswer, UnreadablePhoto
 CSV_HEADER = (
     *("photo", "located", "reason", "tx", "ty", "tz", "qx", "qy", "qz", "qw"),
     *("sigma_x_m", "sigma_y_m", "sigma_z_m", "sigma_rotation_deg", "matches", "inliers"),
+    "confidence",
 )
 
 
@@ -61,10 +62,11 @@ def _row(answer: PhotoAnswer | UnreadablePhoto) -> list[Any]:
         return [answer.path, False, answer.reason, *[""] * (len(CSV_HEADER) - 3)]
     result, sigmas = answer.result, answer.sigmas
     pose: list[Any] = [""] * 11
+    confidence = "" if answer.confidence is None else f"{answer.confidence:.4f}"
     if answer.best is not None and sigmas is not None:
         T = answer.best.view.T_world_camera
         numbers = [*T[:3, 3], *se3.quat_xyzw(T), *sigmas.position_m]
         numbers.append(np.rad2deg(np.linalg.norm(sigmas.rotation_rad)))
         pose = [f"{number:.6f}" for number in numbers]
     located, reason = answer.best is not None, HELD if answer.held_by_prior else answer.reason
-    return [answer.path, located, reason, *pose, result.matches, result.inliers]
+    return [answer.path, located, reason, *pose, result.matches, result.inliers, confidence]
