@@ -32,6 +32,12 @@ def test_a_grey_photo_gets_three_channels(tmp_path: Path) -> None:
     assert read_photo(path).tolist() == np.full((4, 6, 3), 9).tolist()
 
 
+@pytest.mark.parametrize("name", ["missing.jpg", 300 * "x"])
+def test_a_photo_that_is_not_there_is_not_to_be_converted(tmp_path: Path, name: str) -> None:
+    with pytest.raises(PhotoError, match="; name another$"):
+        read_photo(tmp_path / name)
+
+
 @pytest.mark.parametrize("content", [b"", b"no image at all"])
 def test_what_is_no_image_is_told(tmp_path: Path, content: bytes) -> None:
     path = tmp_path / "photo.heic"

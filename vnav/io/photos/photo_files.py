@@ -29,7 +29,8 @@ def read_photo(path: Path) -> NDArray[np.uint8]:
     try:
         return read_image(path)
     except CaptureError as error:
-        mend = "photos are JPEG, PNG or HEIC, convert others" if path.exists() else "name a photo"
+        unreadable = isinstance(error.__cause__, OSError)
+        mend = "name another" if unreadable else "photos are JPEG, PNG or HEIC, convert others"
         raise PhotoError(f"{error}; {mend}") from error
 
 
