@@ -46,11 +46,11 @@ def calibrating_step(
     """Cameras, landmarks and sensor's errors, all at once.
 
     ``by_error`` (M, 3, E): how pixel and inverse depth that are measured grow with the errors;
-    ``pull`` (E,): the change that leads to their priors' means; ``systematic`` (E,): by how much
-    what is measured errs as each of the errors would have it, and more observations tell it no
-    better. Observations weigh as under the kernel that `bundle.adjust` minimises. Edges are left
-    out: they hold cameras that landmarks do not, and these tell nothing of the sensor. Without
-    observations nothing changes.
+    ``pull`` (E,): the change that leads to their priors' means; ``systematic`` (E,): standard
+    deviation of what all observations may err by in common, of each error's kind, so that no number
+    of them tells it better. Observations weigh as under the kernel that `bundle.adjust` minimises.
+    Edges are left out: they hold cameras that landmarks do not, and these tell nothing of the
+    sensor. Without observations nothing changes.
     """
     if not len(problem.seen):
         return CalibratingStep(bundle, np.zeros_like(pull), np.zeros_like(pull), prior_sigmas)
