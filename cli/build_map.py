@@ -74,7 +74,8 @@ def build_map(
     Several captures of one place make one map: each is tracked alone, and loops join them. One that
     nothing joins is named. With --maps each capture gets a map of its own.
 
-    Stages that are up to date are kept, so that an interrupted run goes on where it stopped.
+    Stages that are up to date are kept. An interrupted run goes on with the stage that it was in,
+    from its beginning.
 
     Exit code 1: a capture could not be mapped; with --maps the others are mapped all the same.
 
