@@ -160,9 +160,10 @@ class LoopVerifier:
     def _log_odds_before(self, candidate: LoopCandidate) -> float:
         """Of odometry's motion between neighbours, by the least probable of the edges on the way.
 
-        What more keyframes are between has drifted, or odometry did not join it: 0.
+        What more keyframes are between has drifted, or odometry did not join it: 0. So it is where
+        poses were given, for nothing was tracked.
         """
-        if not self._are_neighbours(candidate):
+        if self._odometry.given or not self._are_neighbours(candidate):
             return 0.0
         i, j = self._odometry.keyframe_rows[[candidate.i, candidate.j]].tolist()
         into = best_into(e for e in self._odometry.edges if i <= e.i and e.j <= j)
