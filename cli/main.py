@@ -16,7 +16,7 @@ from vnav import __version__
 from vnav.cli import logs
 from vnav.cli.options import loaded
 from vnav.cli.say import say
-from vnav.errors import VnavError, notes_of
+from vnav.errors import INTERRUPTED, INTERRUPTION, VnavError, notes_of
 from vnav.memory import keep_freed
 
 UNREADABLE = errno.EACCES, errno.EPERM, errno.ENOENT, errno.EISDIR, errno.ENOTDIR
@@ -148,8 +148,8 @@ def main() -> int:
         _close_stdout()
         return 1
     except click.Abort:  # a RuntimeError, too
-        click.echo("vnav: interrupted; what was finished is kept", err=True)
-        return 130
+        click.echo(INTERRUPTION, err=True)
+        return INTERRUPTED
     except (VnavError, OSError, MemoryError, ImportError, RuntimeError) as error:
         told = _in_one_line(error)
         if told is None:

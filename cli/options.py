@@ -16,6 +16,7 @@ from vnav.cli.say import printable, say
 from vnav.core.progress import Progress, silent
 
 Command = TypeVar("Command", bound=Callable[..., Any])
+ENOUGH = 5  # that are done tell a rate: the first may have waited for what is compiled
 LATELY_S = 10.0  # a rate is that of the last 10 to 20 s: runs that compile start slowly
 
 map_option = click.option(
@@ -145,9 +146,6 @@ class _ConsoleProgress:
         rate = pace(done - first, total - done, now - since_s)
         line = printable(f"{task}: {done}/{total}{rate}")
         click.echo(("\r\x1b[K" if self._live else "") + line + end, err=True, nl=False)
-
-
-ENOUGH = 5  # that are done tell a rate: the first may have waited for what is compiled
 
 
 def pace(done: int, left: int, seconds: float) -> str:

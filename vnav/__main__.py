@@ -7,8 +7,8 @@ import sys
 import time
 from types import FrameType
 
-INTERRUPTED = 130  # exit code, as shells have it
-TOLD = "vnav: interrupted; what was finished is kept\n"
+from vnav.errors import INTERRUPTED, INTERRUPTION
+
 ONCE_S = 1.0  # interruptions within are one: some programs send it twice
 
 
@@ -24,12 +24,10 @@ def run() -> int:
         from vnav.cli.main import main
 
         code = main()
-    except KeyboardInterrupt:
-        sys.stderr.write(TOLD)
-    except SystemError as error:  # compiled code makes one of an interruption
-        if not isinstance(error.__cause__, KeyboardInterrupt):
+    except (KeyboardInterrupt, SystemError) as error:  # that compiled code makes of the other
+        if not any(isinstance(e, KeyboardInterrupt) for e in (error, error.__cause__)):
             raise
-        sys.stderr.write(TOLD)
+        sys.stderr.write(f"{INTERRUPTION}\n")
     finally:
         gc.disable()
         gc.freeze()
@@ -50,7 +48,7 @@ def _interrupt_once() -> None:
             first_s.append(time.monotonic())
             raise KeyboardInterrupt
         if time.monotonic() - first_s[0] > ONCE_S:
-            os.write(sys.stderr.fileno(), TOLD.encode())
+            os.write(sys.stderr.fileno(), f"{INTERRUPTION}\n".encode())
             os._exit(INTERRUPTED)
 
     if signal.getsignal(signal.SIGINT) is signal.default_int_handler:

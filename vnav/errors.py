@@ -1,5 +1,6 @@
 """One exception tree; every message says what was expected, what was found, where, what to do."""
 
+INTERRUPTED, INTERRUPTION = 130, "vnav: interrupted; what was finished is kept"  # code, and words
 MEND = "build the map anew with 'vnav build-map CAPTURE --fresh'"  # what to do of a damaged map
 
 

@@ -75,6 +75,11 @@ class Folder:
     def depth(self, k: int, image: NDArray[np.uint16]) -> None:
         cv2.imwrite(str(self.path("depth", k)), image)
 
+    def damage_all_but_the_ends(self) -> None:
+        """Of the colour images."""
+        for k in range(1, FRAMES - 1):
+            self.path("rgb", k).write_bytes(b"no image")
+
     def capture(self, config: CaptureConfig | None = None) -> Capture:
         return open_capture(self.root, config or CaptureConfig())
 
@@ -130,8 +135,7 @@ def test_every_damaged_file_is_found_not_only_among_the_frames_measured(
     folder: Folder, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("vnav.checking.quality.SAMPLES", 2)
-    for k in range(1, FRAMES - 1):
-        folder.path("rgb", k).write_bytes(b"no image")
+    folder.damage_all_but_the_ends()
     report = inspect(folder.capture())
     assert report.look is not None
     assert report.look.sampled == 2
@@ -142,8 +146,7 @@ def test_of_many_damaged_files_the_first_are_named_and_all_are_counted(
     folder: Folder, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("vnav.checking.rules.NAMED", 2)
-    for k in range(1, FRAMES - 1):
-        folder.path("rgb", k).write_bytes(b"no image")
+    folder.damage_all_but_the_ends()
     report = inspect(folder.capture())
     named = [w for w in report.warnings if str(folder.root / "rgb") in w]
     assert len(named) == 2

@@ -257,7 +257,7 @@ def test_a_raw_frame_of_the_recording_is_placed_by_its_lens(
     bent.set_captures([capture])
     frame = locator.keyframe(5)
     cv2.imwrite(str(tmp_path / "raw.png"), seen_through(lens, frame.color)[..., ::-1])
-    truth = load_optimised(folder).T_world_camera[locator._kept[1][5]]
+    truth = load_optimised(folder).T_world_camera[frame.index]
     answers = [Locator.open(m, Config()).locate(tmp_path / "raw.png") for m in (bent, folder)]
     assert answers[0].camera.source == "assumed"
     off_m = [np.linalg.norm(a.best.view.centre_world - truth[:3, 3]) for a in answers if a.best]

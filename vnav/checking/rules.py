@@ -16,6 +16,8 @@ USUAL_UNITS = (1000, 5000, 10000, 4000, 100)  # per metre, the most common first
 
 MANY_DROPPED, LITTLE_DEPTH, MANY_POOR = 0.1, 0.1, 0.3  # shares that are worth a warning
 NAMED = 10  # damaged files, before the others are counted
+CORRECT_SIZE = "correct its width and height, or name another camera"
+ADD_SIZE = "add its width and height to [depth] of the camera"
 FAR_OFF = 1 / 100  # of the image's width, that depth may lie beside colour: 6 px at 640
 CLEAR = 3  # standard deviations
 LATE_S = 0.05  # of depth beside colour: less is found and taken off when the map is made
@@ -35,16 +37,12 @@ def no_depth(capture: Capture) -> tuple[str, ...]:
 
 def wrong_sizes(camera: Camera, files: FileFindings) -> tuple[str, ...]:
     """What is wrong with the images' sizes: none readable, several mixed, not the camera's."""
-    mend = "correct its width and height, or name another camera"
-    of_color = "as [color] of the camera says", mend
-    of_depth = "as [depth] of the camera says", mend
     if camera.depth is None:
-        of_depth = "like colour's", "add its width and height to [depth] of the camera"
-    sensor = camera.depth or camera.color
-    kinds = (
-        ("colour", files.color_sizes, camera.color.size, *of_color),
-        ("depth", files.depth_sizes, sensor.size, *of_depth),
-    )
+        of_depth = camera.color.size, "like colour's", ADD_SIZE
+    else:
+        of_depth = camera.depth.size, "as [depth] of the camera says", CORRECT_SIZE
+    of_color = camera.color.size, "as [color] of the camera says", CORRECT_SIZE
+    kinds = ("colour", files.color_sizes, *of_color), ("depth", files.depth_sizes, *of_depth)
     wrong = []
     for kind, sizes, (width, height), why, mend in kinds:
         if len(sizes) > 1:

@@ -10,13 +10,12 @@ from vnav.core.arrays import Array
 from vnav.core.frame import Edge
 from vnav.core.mapping import LOST
 
+SURE = 0.99  # the most that an edge's probability counts for
+
 
 def ends_of(edges: Sequence[Edge]) -> NDArray[np.intp]:
     """The frames (E, 2) that edges join; E = 0 is legal."""
     return np.array([(e.i, e.j) for e in edges], np.intp).reshape(-1, 2)
-
-
-SURE = 0.99  # the most that an edge's probability counts for
 
 
 def best_into(edges: Iterable[Edge]) -> dict[int, float]:
@@ -25,6 +24,16 @@ def best_into(edges: Iterable[Edge]) -> dict[int, float]:
     for e in edges:
         best[e.j] = max(best.get(e.j, 0.0), e.probability)
     return best
+
+
+def weakest(edges: Iterable[Edge], i: int, j: int) -> tuple[int, float]:
+    """Of the frames after row i to j: the one that edges within most likely got wrong.
+
+    Its row, and the probability of the likeliest edge into it; of equals the last. Row j and 0.5
+    without an edge.
+    """
+    into = best_into(e for e in edges if i <= e.i and e.j <= j)
+    return min(into.items(), key=lambda item: (item[1], -item[0]), default=(j, 0.5))
 
 
 def log_odds_of(probability: float) -> float:

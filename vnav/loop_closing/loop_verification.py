@@ -14,7 +14,7 @@ from vnav.core import se3
 from vnav.core.arrays import Array
 from vnav.core.camera import Intrinsics
 from vnav.core.frame import Edge, PoseEstimate, Rejected
-from vnav.core.graph import best_into, log_odds_of
+from vnav.core.graph import log_odds_of, weakest
 from vnav.core.mapping import LoopVerdict, Odometry
 from vnav.core.progress import Progress, silent
 from vnav.core.view_overlap import are_apart
@@ -166,8 +166,7 @@ class LoopVerifier:
         if self._odometry.given or not self._are_neighbours(candidate):
             return 0.0
         i, j = self._odometry.keyframe_rows[[candidate.i, candidate.j]].tolist()
-        into = best_into(e for e in self._odometry.edges if i <= e.i and e.j <= j)
-        return log_odds_of(min(into.values(), default=0.5))
+        return log_odds_of(weakest(self._odometry.edges, i, j)[1])
 
     def _by_odometry(self, i: int, j: int) -> Array:
         """The motion from row i to j as odometry has it, within a segment."""

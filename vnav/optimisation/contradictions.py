@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from vnav.core import se3
 from vnav.core.arrays import Array
 from vnav.core.frame import Edge
-from vnav.core.graph import best_into, ends_of
+from vnav.core.graph import ends_of, weakest
 from vnav.core.mapping import Odometry
 from vnav.optimisation.segments import same_pose
 
@@ -27,12 +27,8 @@ class Contradiction:
     closures: int
 
     def weakest(self, edges: Iterable[Edge]) -> tuple[int, float]:
-        """Of the frames after i to j: the one that edges within most likely got wrong.
-
-        Its row, and the probability of the likeliest edge into it; of equals the last.
-        """
-        into = best_into(e for e in edges if self.i <= e.i and e.j <= self.j)
-        return min(into.items(), key=lambda item: (item[1], -item[0]), default=(self.j, 0.5))
+        """Of the frames after i to j, by `core.graph.weakest`."""
+        return weakest(edges, self.i, self.j)
 
 
 def contradictions(

@@ -119,11 +119,9 @@ def _draw_places(
     known = [place for place in places if isinstance(place, FloorPose)]
     for place in known:
         axes.plot(*place.point, marker, color=color, ms=size + 1, mfc="none", mew=1.5, zorder=4)
-    if not known:
-        return []
-    entry = Line2D([], [], color=color, ls="", marker=marker, ms=size, label=name)
-    entry.set_markerfacecolor(color if filled else "none")
-    return [entry]
+    face = color if filled else "none"
+    entry = Line2D([], [], color=color, ls="", marker=marker, ms=size, mfc=face, label=name)
+    return [entry] if known else []
 
 
 def _draw_end(axes: Axes, look: Look, pose: Array) -> None:

@@ -52,7 +52,7 @@ def _apart(color_s: Array, depth_s: Array) -> str:
             f"colour images are {step_s:g} s apart; write the times of both lists in seconds, if"
             " they are in milliseconds or less"
         )
-    later_s = float(np.median(np.sort(depth_s)) - np.median(np.sort(color_s)))
+    later_s = float(np.median(depth_s) - np.median(color_s))
     how, mend = ("later", "take that off") if later_s > 0 else ("earlier", "add that to")
     return (
         f"depth is {abs(later_s):.3f} s {how} in the median; if that is between two clocks, {mend}"
