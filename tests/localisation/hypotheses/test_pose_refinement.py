@@ -5,7 +5,7 @@ import pytest
 
 from vnav.core import se3
 from vnav.core.camera import CameraPrior, Intrinsics
-from vnav.localisation.hypotheses.pose_refinement import refine_pose
+from vnav.localisation.hypotheses.pose_refinement import RefinedPose, either, refine_pose
 from vnav.localisation.matches import Correspondences2D3D
 from vnav.localisation.view import View
 
@@ -126,3 +126,37 @@ def test_the_step_moves_the_view_as_its_tangent_says(true):
     xi = np.array([0.01, 0.02, -0.03, 0.1, -0.2, 0.3])
     expected = true.T_world_camera @ se3.exp(xi)
     np.testing.assert_allclose(true.moved(xi).T_world_camera, expected, atol=1e-12)
+
+
+def known(parameters, variance=1e-6):
+    """A pose that is found so well."""
+    return RefinedPose(View(np.eye(4), CAMERA), variance * np.eye(parameters))
+
+
+def test_a_pose_is_as_uncertain_as_another_is_likely_and_far():
+    """One that is right with a probability of a fifth, 0.5 m to the right: 0.2 * 0.25 m2."""
+    pose = known(7)
+    other = RefinedPose(pose.view.moved(np.array([0, 0, 0, 0.5, 0, 0])), 4 * known(9).covariance)
+    expected = 0.8 * pose.covariance + 0.2 * other.covariance[:7, :7]
+    expected[3, 3] += 0.2 * 0.25
+    np.testing.assert_allclose(either(pose, other, 0.2).covariance, expected, atol=1e-12)
+
+
+def test_a_principal_point_is_as_uncertain_as_that_of_another_pose_is_far():
+    """48 px to the right, of 640."""
+    pose, camera = known(9), dataclasses.replace(CAMERA, cx=CAMERA.cx + 48)
+    other = RefinedPose(View(np.eye(4), camera), pose.covariance)
+    mixed = either(pose, other, 0.5).covariance
+    np.testing.assert_allclose(mixed[7, 7], pose.covariance[7, 7] + 0.5 * (48 / 640) ** 2)
+
+
+def test_what_another_pose_does_not_leave_open_stays_as_certain_as_it_was():
+    """A principal point, where the other has none that was sought."""
+    mixed = either(known(9), known(6, 1.0), 0.5).covariance
+    np.testing.assert_allclose(mixed[6:, 6:], known(9).covariance[6:, 6:])
+    np.testing.assert_allclose(mixed[:6, :6], 0.5 * (1 + 1e-6) * np.eye(6))
+
+
+def test_a_pose_that_is_surely_right_stays_as_certain_as_it_was():
+    far = RefinedPose(View(se3.exp([0, 1, 0, 3, 0, 0]), CAMERA), known(9).covariance)
+    np.testing.assert_allclose(either(known(6), far, 0.0).covariance, known(6).covariance)

@@ -63,12 +63,37 @@ def test_the_stronger_of_two_poses_comes_first_whichever_was_found_first(query):
         assert decide(poses, SEARCHED, query).hypotheses == (strong, weak)
 
 
-def test_poses_of_one_place_are_one_hypothesis(query):
-    """20 cm apart, of the 25 cm that a place is wide."""
+def test_poses_that_see_the_same_are_one_hypothesis(query):
+    """2 m from a wall: 4 cm are 10.5 px by a focal length of 525, 6 cm are 16; 12 are the same."""
+    index = query.database.index
+    wall = np.tile(np.float32([0.0, 0.0, 1.4 + 2.0]), (len(index.points_world), 1))
+    query = replace(
+        query, database=replace(query.database, index=replace(index, points_world=wall))
+    )
+    for x, count in ((0.04, 1), (0.06, 2)):
+        answer = decide([pose_at(query, 0.0, 9), pose_at(query, x, 9)], SEARCHED, query)
+        assert len(answer.hypotheses) == count
+
+
+def test_a_pose_is_as_uncertain_as_another_of_its_place_is_far(query):
+    """20 cm apart, of the 25 cm that a place is wide, as in front of equal books."""
     poses = [pose_at(query, 0.0, 9), pose_at(query, 0.2, 9)]
     answer = decide(poses, SEARCHED, query)
     assert isinstance(answer, Located)
-    assert answer.hypotheses == (poses[0],)
+    assert answer.hypotheses == tuple(poses)
+    assert answer.sigmas.position_m[0] == pytest.approx(0.2 * np.sqrt(0.5), rel=0.01)
+
+
+def test_a_place_within_which_others_are_like_it_is_ambiguous(query):
+    """Books to either side fit nearly as well: why not those of a shelf where nobody has been?"""
+    cells = np.stack([np.where(np.arange(48) % 3, 9, 0), np.full(48, 20)])
+    strongest = replace(pose_at(query, 0.0, 9), cells=cells)
+    halves = np.stack([np.where(np.arange(48) % 8 < 5, 9, 0), np.full(48, 20)])
+    beside = [replace(pose_at(query, x, 9, matched=40), cells=halves) for x in (-0.19, 0.19)]
+    assert isinstance(decide([strongest], SEARCHED, query), Located)
+    answer = decide([strongest, *beside], SEARCHED, query)
+    assert isinstance(answer, NotLocated)
+    assert answer.reason == "ambiguous"
 
 
 def test_two_places_that_are_borne_out_alike_are_ambiguous(query):

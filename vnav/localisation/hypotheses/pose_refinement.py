@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vnav.compiled import compiled
+from vnav.core import se3
 from vnav.core.arrays import Array
 from vnav.core.camera import CameraPrior
 from vnav.localisation.matches import Correspondences2D3D
@@ -59,6 +60,19 @@ def refine_pose(view: View, matched: Correspondences2D3D, prior: CameraPrior) ->
     freedom = max(0, 2 * len(matched.px) - free)
     spread = (ASSUMED_RESIDUALS + cost) / (ASSUMED_RESIDUALS + freedom)
     return RefinedPose(view, _covariance(H, spread, prior))
+
+
+def either(pose: RefinedPose, other: RefinedPose, share: float) -> RefinedPose:
+    """A pose as uncertain as it is where another is right with a probability, the share."""
+    n = min(len(pose.covariance), len(other.covariance))
+    T = se3.inverse(pose.view.T_world_camera) @ other.view.T_world_camera
+    ours, theirs = pose.view.intrinsics, other.view.intrinsics
+    centre = np.array([theirs.cx - ours.cx, theirs.cy - ours.cy]) / max(ours.size)
+    off = np.array([*se3.deviation(T), np.log(theirs.fx / ours.fx), *centre])[:n]
+    about_pose = other.covariance[:n, :n] + np.outer(off, off)
+    mixed = pose.covariance.copy()
+    mixed[:n, :n] = (1 - share) * mixed[:n, :n] + share * about_pose
+    return RefinedPose(pose.view, mixed)
 
 
 def _parameters(prior: CameraPrior) -> int:

@@ -1,13 +1,14 @@
 """The last room of locating: which pose is given, or why none is."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from vnav.core import se3
 from vnav.core.arrays import Array
 from vnav.core.frame import Rejected
+from vnav.localisation.hypotheses.pose_refinement import either
 from vnav.localisation.prior import PlacePrior
 from vnav.localisation.query import Query, SupportedPose, min_matches
 from vnav.localisation.search.candidates import SearchResult
@@ -20,16 +21,17 @@ from vnav.localisation.view import View
 SUPPORT = 2.0  # exponent of the matches that agree: how much likelier they make a place
 HELD_INLIERS = 2.0  # of a pose that only the photos before hold, over `locate.min_inliers`
 NEAR_M, NEAR_RAD = 0.25, np.deg2rad(10.0)  # what counts as the same place
+SAME_SEEN = 2.0  # inlier thresholds: two poses see the same things no farther apart than that
 
-Ranked = tuple[tuple[VerifiedPose, ...], tuple[float, ...]]  # places, probabilities
+Ranked = tuple[tuple[VerifiedPose, ...], tuple[float, ...]]  # poses, probabilities
 
 
 @dataclass(frozen=True)
 class Located:
     """The answer, every hypothesis with the answer first, and how many matches the search found.
 
-    ``chances``: probability of each hypothesis' place; ``confidence``: that the pose is within
-    25 cm and 10 degrees. ``prior``: of the photos before, where no pose is given without it.
+    ``chances``: probability of each hypothesis; ``confidence``: that the pose is within 25 cm and
+    10 degrees. ``prior``: of the photos before, where no pose is given without it.
     """
 
     best: VerifiedPose
@@ -78,73 +80,96 @@ def _judged(
     matches, wanted = len(searched.matches), query.config.min_confidence
     if not poses and searched.votes < query.config.min_inliers:
         return NotLocated("too few matches", matches)
-    places = _distinct_places([pose for pose in poses if pose.inliers >= min_matches(poses)])
-    places, chances = _weighed(places, query, prior)
-    inliers = places[0].inliers if places else 0
+    found = _distinct([pose for pose in poses if pose.inliers >= min_matches(poses)], query)
+    found, chances = _weighed(found, query, prior)
+    inliers = found[0].inliers if found else 0
     least = 0.0 if prior is None else HELD_INLIERS * query.config.min_inliers
-    unlikely = sum(chances) < wanted and not confirmed(places, query)
+    unlikely = sum(chances) < wanted and not confirmed(found, query)
     if unlikely or inliers < least:
-        return NotLocated("no consistent pose", matches, inliers, places, chances)
-    ranked = _by_pixels(places, chances, query) if prior is None else (places, chances)
+        return NotLocated("no consistent pose", matches, inliers, found, chances)
+    ranked = _by_pixels(found, chances, query) if prior is None else (found, chances)
     return _given(ranked, matches, query, prior)
 
 
 def _given(
     ranked: Ranked, matches: int, query: Query, prior: PlacePrior | None
 ) -> Located | NotLocated:
-    """The likeliest place, if it is likely and exact enough."""
-    places, chances = ranked
-    wanted, inliers = query.config.min_confidence, places[0].inliers
-    if chances[0] < wanted:
-        return NotLocated("ambiguous", matches, inliers, places, chances)
-    error = sigmas(places[0], query.database.index)
-    confidence = chances[0] * error.within(NEAR_M, NEAR_RAD)
+    """The likeliest pose, if its place is likely, and the pose exact enough."""
+    found, chances = ranked
+    wanted, inliers = query.config.min_confidence, found[0].inliers
+    best, chance = _place(ranked)
+    if chance < wanted:
+        return NotLocated("ambiguous", matches, inliers, found, chances)
+    error = sigmas(best, query.database.index)
+    confidence = chance * error.within(NEAR_M, NEAR_RAD)
     if confidence < wanted:
         reason = f"the pose is too uncertain: {error}"
-        return NotLocated(reason, matches, inliers, places, chances)
-    return Located(places[0], places, chances, matches, error, confidence, prior)
+        return NotLocated(reason, matches, inliers, found, chances)
+    return Located(found[0], found, chances, matches, error, confidence, prior)
 
 
-def _weighed(places: Sequence[VerifiedPose], query: Query, prior: PlacePrior | None) -> Ranked:
-    """Places with their probabilities, the likeliest first."""
-    odds = support(places)
+def _place(ranked: Ranked) -> tuple[VerifiedPose, float]:
+    """The likeliest pose, as uncertain as others of its place make it, and the place's chance."""
+    (best, *others), (chance, *chances) = ranked
+    refined = best.refined
+    for other, more in zip(others, chances, strict=True):
+        if more > 0 and _is_same_place(best.view, other.view):
+            chance += more
+            refined = either(refined, other.refined, more / chance)
+    return replace(best, refined=refined), chance
+
+
+def _weighed(poses: Sequence[VerifiedPose], query: Query, prior: PlacePrior | None) -> Ranked:
+    """Poses with their probabilities, the likeliest first."""
+    odds = support(poses)
     if prior is not None:
-        odds = odds * prior.odds([place.view for place in places], query.database.index)
-    return _sorted(places, posterior([place.evidence for place in places], odds))
+        odds = odds * prior.odds([pose.view for pose in poses], query.database.index)
+    return _sorted(poses, posterior([pose.evidence for pose in poses], odds))
 
 
-def _sorted(places: Sequence[VerifiedPose], chances: Array) -> Ranked:
-    """Places and their probabilities, the likeliest first: the strongest need not be."""
+def _sorted(poses: Sequence[VerifiedPose], chances: Array) -> Ranked:
+    """Poses and their probabilities, the likeliest first: the strongest need not be."""
     order = np.argsort(-chances, kind="stable")
-    return tuple(places[k] for k in order), tuple(chances[order].tolist())
+    return tuple(poses[k] for k in order), tuple(chances[order].tolist())
 
 
-def _by_pixels(
-    places: tuple[VerifiedPose, ...], chances: tuple[float, ...], query: Query
-) -> Ranked:
-    """The same places, told apart by all pixels where none is likely enough by its features."""
+def _by_pixels(poses: tuple[VerifiedPose, ...], chances: tuple[float, ...], query: Query) -> Ranked:
+    """The same poses, told apart by all pixels where none is likely enough by its features."""
     is_likely = chances[0] >= query.config.min_confidence
-    if is_likely or len(places) == 1 or query.pixels is None:
-        return places, chances
-    return _sorted(places, compared(places, chances, query.database.index, query.pixels))
+    if is_likely or len(poses) == 1 or query.pixels is None:
+        return poses, chances
+    return _sorted(poses, compared(poses, chances, query.database.index, query.pixels))
 
 
-def support(places: Sequence[SupportedPose]) -> Array:
-    """How likely places (P,) are by the matches that agree, over the place with the most.
+def support(poses: Sequence[SupportedPose]) -> Array:
+    """How likely poses (P,) are by the matches that agree, over the pose with the most.
 
     A rival explains what repeats itself; the right place explains the rest of the photo, too.
     """
-    inliers = np.array([place.inliers for place in places], float)
+    inliers = np.array([pose.inliers for pose in poses], float)
     return np.asarray((inliers / inliers.max(initial=1)) ** SUPPORT)
 
 
-def _distinct_places(poses: Sequence[VerifiedPose]) -> tuple[VerifiedPose, ...]:
-    """The strongest pose of each place, the strongest first."""
-    places: list[VerifiedPose] = []
+def _distinct(poses: Sequence[VerifiedPose], query: Query) -> tuple[VerifiedPose, ...]:
+    """Poses that explain the photo in different ways, the strongest of each; strongest first."""
+    found: list[VerifiedPose] = []
     for pose in sorted(poses, key=lambda pose: -pose.evidence.strength):
-        if not any(_is_same_place(pose.view, place.view) for place in places):
-            places.append(pose)
-    return tuple(places)
+        if not any(_is_same(pose, other, query) for other in found):
+            found.append(pose)
+    return tuple(found)
+
+
+def _is_same(pose: VerifiedPose, stronger: VerifiedPose, query: Query) -> bool:
+    """Whether a pose is in a stronger one's place, and sees what matches there where that does.
+
+    What repeats itself within a place, as books and tiles do, is seen elsewhere.
+    """
+    if not _is_same_place(pose.view, stronger.view):
+        return False
+    points = query.database.index.points_world[stronger.matches.landmark]
+    px, stronger_px = (one.view.project(points)[0] for one in (pose, stronger))
+    apart_px = np.linalg.norm(px - stronger_px, axis=1)
+    return bool(np.median(apart_px) < SAME_SEEN * query.inlier_threshold_px)
 
 
 def _is_same_place(a: View, b: View) -> bool:

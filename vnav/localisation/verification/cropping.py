@@ -2,7 +2,6 @@
 
 import numpy as np
 
-from vnav.core import se3
 from vnav.core.arrays import Array
 from vnav.core.camera import CameraPrior
 from vnav.localisation.hypotheses.pose_refinement import ANYWHERE, RefinedPose
@@ -21,16 +20,6 @@ def log_odds_of_cropped(free: RefinedPose, camera: CameraPrior) -> float:
     off = np.array([found.cx - known.cx, found.cy - known.cy]) / max(known.size)
     fits = [_log_density(off, free.covariance[7:, 7:], s) for s in (ANYWHERE, camera.centre_sigma)]
     return min(SURE, fits[0] - fits[1] + float(np.log(CROPPED / (1 - CROPPED))))
-
-
-def covariance_of_either(pose: RefinedPose, other: RefinedPose, share: float) -> Array:
-    """Of a pose, where another is right in its stead with a probability, the share."""
-    n = len(pose.covariance)
-    T = se3.inverse(pose.view.T_world_camera) @ other.view.T_world_camera
-    focal = np.log(other.view.intrinsics.fx / pose.view.intrinsics.fx)
-    off = np.append(se3.deviation(T), focal)[:n]
-    about_pose = other.covariance[:n, :n] + np.outer(off, off)
-    return np.asarray((1 - share) * pose.covariance + share * about_pose, float)
 
 
 def _log_density(off: Array, covariance: Array, sigma: float) -> float:

@@ -10,10 +10,10 @@ from numpy.typing import NDArray
 from vnav.core.arrays import Array
 from vnav.core.camera import CameraPrior
 from vnav.localisation.hypotheses.hypothesise import pose_of
-from vnav.localisation.hypotheses.pose_refinement import RefinedPose, refine_pose
+from vnav.localisation.hypotheses.pose_refinement import RefinedPose, either, refine_pose
 from vnav.localisation.matches import Matches
 from vnav.localisation.query import MIN_MATCHES, Query
-from vnav.localisation.verification.cropping import covariance_of_either, log_odds_of_cropped
+from vnav.localisation.verification.cropping import log_odds_of_cropped
 from vnav.localisation.verification.evidence import (
     Evidence,
     Odds,
@@ -111,8 +111,7 @@ def _with_either_camera(view: View, query: Query) -> VerifiedPose | None:
     if log_odds > 0:
         return cropped
     share = float(1 / (1 + np.exp(-log_odds)))
-    covariance = covariance_of_either(whole.refined, cropped.refined, share)
-    return replace(whole, refined=RefinedPose(whole.view, covariance))
+    return replace(whole, refined=either(whole.refined, cropped.refined, share))
 
 
 def _guided(
