@@ -21,6 +21,7 @@ from vnav.io.formats.trajectories import read_tum
 
 ROOT = Path(__file__).parents[2]
 CAPTURES = ROOT.parent / "shared" / "captures"
+BUILDS = "house", "redkitchen", "desk", "short_build"  # fixtures that take minutes
 SHORT = 100  # frames of the capture that is built again and again
 FIGURES: list[tuple[str, str, str]] = []
 
@@ -154,6 +155,26 @@ def _alignment(folder: Path, truth: Path) -> NDArray[np.float64]:
     found, true = read_tum(folder / "optimise" / "trajectory_0.tum"), read_tum(truth)
     nearest = np.abs(true.stamps_s[:, None] - found.stamps_s).argmin(0)
     return se3.align(true.T_world_camera[nearest, :3, 3], found.T_world_camera[:, :3, 3])
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """With ``--dist loadgroup``, the tests of one map go to one worker, which builds it."""
+    for item in items:
+        params = item.callspec.params if hasattr(item, "callspec") else {}
+        asked = {*getattr(item, "fixturenames", ()), params.get("name")}
+        for build in asked.intersection(BUILDS):
+            item.add_marker(pytest.mark.xdist_group(build))
+
+
+def pytest_sessionfinish(session: pytest.Session) -> None:
+    """A worker's figures go to the one that prints the table."""
+    if (output := getattr(session.config, "workeroutput", None)) is not None:
+        output["figures"] = FIGURES
+
+
+def pytest_testnodedown(node: Any) -> None:
+    """A worker has ended."""
+    FIGURES.extend(map(tuple, getattr(node, "workeroutput", {}).get("figures", [])))
 
 
 def pytest_terminal_summary(terminalreporter: Any) -> None:
