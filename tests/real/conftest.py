@@ -1,5 +1,6 @@
 """Maps of the real captures, built once a session, and a table of the figures measured on them."""
 
+import fcntl
 import hashlib
 import json
 import os
@@ -21,7 +22,6 @@ from vnav.io.formats.trajectories import read_tum
 
 ROOT = Path(__file__).parents[2]
 CAPTURES = ROOT.parent / "shared" / "captures"
-BUILDS = "house", "redkitchen", "desk", "short_build"  # fixtures that take minutes
 SHORT = 100  # frames of the capture that is built again and again
 FIGURES: list[tuple[str, str, str]] = []
 
@@ -73,19 +73,19 @@ def figures() -> Callable[[str, str, str], None]:
 @pytest.fixture(scope="session")
 def house(captures: Path, vnav: Vnav, tmp_path_factory: pytest.TempPathFactory) -> Built:
     """The map of the house."""
-    return _built(captures / "house", tmp_path_factory.mktemp("maps") / "house", vnav)
+    return _built(captures / "house", _shared(tmp_path_factory) / "house", vnav)
 
 
 @pytest.fixture(scope="session")
 def redkitchen(captures: Path, vnav: Vnav, tmp_path_factory: pytest.TempPathFactory) -> Built:
     """The map of the kitchen."""
-    return _built(captures / "redkitchen01", tmp_path_factory.mktemp("maps") / "kitchen", vnav)
+    return _built(captures / "redkitchen01", _shared(tmp_path_factory) / "kitchen", vnav)
 
 
 @pytest.fixture(scope="session")
 def desk(captures: Path, vnav: Vnav, tmp_path_factory: pytest.TempPathFactory) -> Built:
     """The map of the desk."""
-    return _built(captures / "fr1_desk", tmp_path_factory.mktemp("maps") / "desk", vnav)
+    return _built(captures / "fr1_desk", _shared(tmp_path_factory) / "desk", vnav)
 
 
 @pytest.fixture(scope="session")
@@ -140,14 +140,31 @@ def content(folder: Path) -> dict[str, str]:
     }
 
 
+def _shared(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder that all workers of a run have."""
+    own = tmp_path_factory.getbasetemp()
+    return own.parent if "PYTEST_XDIST_WORKER" in os.environ else own
+
+
 def _built(capture: Path, folder: Path, vnav: Vnav) -> Built:
+    """The map in the folder; one worker makes it, and others wait."""
+    told = folder.with_suffix(".txt")
+    with folder.with_suffix(".lock").open("w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        if not told.exists():
+            told.write_text(_build(capture, folder, vnav))
+    return Built(capture, folder, told.read_text(), _alignment(folder, capture / "groundtruth.txt"))
+
+
+def _build(capture: Path, folder: Path, vnav: Vnav) -> str:
+    """What the build prints; its time and memory are noted."""
     started = time.monotonic()
     printed = vnav("build-map", capture, "--map", folder).stdout
     seconds = time.monotonic() - started
     report = json.loads((folder / "reports" / "map.json").read_text())
     memory = f"{report['values']['peak_memory_mb']} MB"
     FIGURES.append((f"{capture.name}: build-map", f"{seconds:.0f} s, {memory}", ""))
-    return Built(capture, folder, printed, _alignment(folder, capture / "groundtruth.txt"))
+    return printed
 
 
 def _alignment(folder: Path, truth: Path) -> NDArray[np.float64]:
@@ -155,15 +172,6 @@ def _alignment(folder: Path, truth: Path) -> NDArray[np.float64]:
     found, true = read_tum(folder / "optimise" / "trajectory_0.tum"), read_tum(truth)
     nearest = np.abs(true.stamps_s[:, None] - found.stamps_s).argmin(0)
     return se3.align(true.T_world_camera[nearest, :3, 3], found.T_world_camera[:, :3, 3])
-
-
-def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """With ``--dist loadgroup``, the tests of one map go to one worker, which builds it."""
-    for item in items:
-        params = item.callspec.params if hasattr(item, "callspec") else {}
-        asked = {*getattr(item, "fixturenames", ()), params.get("name")}
-        for build in asked.intersection(BUILDS):
-            item.add_marker(pytest.mark.xdist_group(build))
 
 
 def pytest_sessionfinish(session: pytest.Session) -> None:
