@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from vnav.checking.motions import contradicting_loops, unborne_steps
+from vnav.checking.motions import contradicting_loops, standing_steps, unborne_steps
 from vnav.config import RegistrationConfig
 from vnav.core import se3
 from vnav.core.camera import Intrinsics
@@ -94,3 +94,42 @@ def test_a_loop_to_a_frame_without_a_pose_tells_nothing(poses: np.ndarray) -> No
     poses[3] = np.nan
     loop = Edge(0, 3, aside(0.0), np.eye(6))
     assert contradicting_loops([loop], poses, unlike, CONFIG) == []
+
+
+def lower_part(share: float) -> np.ndarray:
+    """So much of the blocks of a keyframe, from below."""
+    moving = np.zeros((60, 80), bool)
+    moving[60 - round(60 * share) :] = True
+    return moving
+
+
+def a_period_on(poses: np.ndarray) -> np.ndarray:
+    """Poses of a track that goes on by a period of the wall too much in each step."""
+    return np.stack([T @ aside(k * PERIOD_M) for k, T in enumerate(poses)])
+
+
+def test_what_repeats_and_is_taken_for_moving_is_seen_to_stand(poses: np.ndarray) -> None:
+    """By a track that is wrong by a period a step, as that by which it was masked."""
+    for track in (poses, a_period_on(poses)):
+        steps = standing_steps(ROWS, track, alike, lambda _: lower_part(0.6), CONFIG)
+        assert steps == [(0, 1), (1, 2), (2, 3)]
+
+
+def test_what_moves_on_most_of_the_view_is_seen_to_move(poses: np.ndarray) -> None:
+    """The wall goes by a period a step, and is unlike itself."""
+    moves = standing_steps(ROWS, a_period_on(poses), unlike, lambda _: lower_part(0.6), CONFIG)
+    assert moves == []
+
+
+def test_what_is_masked_on_half_of_the_view_may_stand(poses: np.ndarray) -> None:
+    """As people do who go on later."""
+    assert standing_steps(ROWS, poses, unlike, lambda _: lower_part(0.5), CONFIG) == []
+
+
+def test_two_steps_with_most_of_the_view_masked_are_no_doubt(poses: np.ndarray) -> None:
+    assert standing_steps(ROWS[:3], poses[:3], unlike, lambda _: lower_part(0.6), CONFIG) == []
+
+
+def test_keyframes_without_a_pose_tell_nothing_of_masks(poses: np.ndarray) -> None:
+    poses[3] = np.nan
+    assert standing_steps(ROWS, poses, unlike, lambda _: lower_part(0.6), CONFIG) == []

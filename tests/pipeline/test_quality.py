@@ -17,6 +17,8 @@ from vnav.io.store.artifacts import (
     load_loops,
     load_odometry,
     load_optimised,
+    load_whole_keyframe,
+    save_keyframe_mask,
     save_loops,
     save_odometry,
     save_optimised,
@@ -26,6 +28,7 @@ from vnav.io.store.map_folder import MapFolder
 from vnav.io.store.overview import has_verdict, overview
 from vnav.pipeline.build import judged
 from vnav.pipeline.quality import agreement, are_joined, assess
+from vnav.registration.reduction import reduced
 from vnav.stages import optimise
 
 Altering = Callable[[MapFolder, str], AbstractContextManager[Path]]
@@ -159,6 +162,25 @@ def test_a_step_that_does_not_fit_the_images_makes_a_map_doubtful(
     where = f"within frames {rows[-2]} to {rows[-1]};"
     assert any(f"{of}, {where}" in doubt for doubt in doubts)
     assert all("record" in doubt for doubt in doubts)
+
+
+def test_a_map_most_of_whose_views_is_masked_and_stands_is_doubtful(
+    folder: MapFolder, altering: Altering
+) -> None:
+    odometry = load_odometry(folder)
+    rows = odometry.keyframe_rows[3:9].tolist()
+    with altering(folder, "odometry") as draft:
+        for row in rows:
+            image = reduced(load_whole_keyframe(folder, row, odometry.frames))
+            moving = np.ones(image.grey.shape, bool)
+            moving[: len(moving) // 3] = False
+            save_keyframe_mask(draft, row, moving)
+
+    quality = assess(folder, CONFIG)
+
+    assert quality.values["steps_standing"] == len(rows)
+    where = f"within frames {odometry.keyframe_rows[2]} to {rows[-1]};"
+    assert any("most of the view is taken for moving" in d and where in d for d in quality.doubts)
 
 
 def test_a_motion_that_is_faster_than_a_camera_is_carried_makes_a_map_doubtful(

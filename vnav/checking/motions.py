@@ -4,7 +4,7 @@ Where places look the same, many loops are false, and a good map turns them down
 better motion in the loop than in the map. A map that is wrong turns down loops that are right.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,7 +15,11 @@ from vnav.core.arrays import Array
 from vnav.core.frame import Edge
 from vnav.core.graph import shortest_paths
 from vnav.core.reduced_frame import Seen
-from vnav.registration.judge import CLEAR, judge
+from vnav.registration.judge import CLEAR, judge, refuted
+
+MOST = 0.5  # share of a view that moves: from there on, what stands still is the lesser part
+SEEN_MOVING = 0.2  # of what moves, the share that the images of two keyframes must bear out
+LEAST_STANDING = 3  # steps
 
 
 def unborne_steps(
@@ -59,3 +63,31 @@ def contradicting_loops(
         if evidence.log_odds[0, 1] > CLEAR:
             found.append(loop)
     return found
+
+
+def standing_steps(
+    rows: NDArray[np.intp],
+    T_world_camera: Array,
+    whole: Seen,
+    moving: Callable[[int], NDArray[np.bool_]],
+    config: RegistrationConfig,
+) -> list[tuple[int, int]]:
+    """Keyframes that follow each other, most of which is taken for moving, but stands, by rows.
+
+    A track that is wrong contradicts what it saw a while ago, and takes all of that for moving.
+    From one keyframe to the next it stands still all the same, where things repeat themselves.
+    ``rows`` (K,) of the keyframes, ``T_world_camera`` (N, 4, 4) of all frames; ``whole``: with what
+    moves; ``moving``: which blocks (h, w) do.
+    """
+    posed = rows[np.isfinite(T_world_camera[rows, 0, 0])].tolist()
+    found, moved, borne_out = [], 0, 0
+    for i, j in zip(posed[:-1], posed[1:], strict=True):
+        moves = moving(j)
+        if moves.mean() <= MOST:
+            continue
+        T_i_j = se3.inverse(T_world_camera[i]) @ T_world_camera[j]
+        found.append((i, j))
+        moved += int(moves.sum())
+        borne_out += int((moves & refuted(whole(i), whole(j), T_i_j, config)).sum())
+    is_seen = borne_out >= SEEN_MOVING * moved
+    return [] if is_seen or len(found) < LEAST_STANDING else found

@@ -3,7 +3,7 @@
 Thresholds were fitted on rendered maps by benchmarks/verdicts.py, as docs/decisions.md says.
 """
 
-from collections.abc import Sequence
+from collections.abc import Sequence, Sized
 from dataclasses import dataclass, fields, replace
 from functools import cache
 from itertools import compress
@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from vnav.checking.motions import contradicting_loops, unborne_steps
-from vnav.config import Config
+from vnav.checking.motions import contradicting_loops, standing_steps, unborne_steps
+from vnav.config import Config, RegistrationConfig
 from vnav.core.arrays import Array, evenly
 from vnav.core.camera import Intrinsics
 from vnav.core.frame import Edge
@@ -24,11 +24,13 @@ from vnav.core.reduced_frame import ReducedFrame, Seen
 from vnav.features.description import near_depth
 from vnav.io.store.artifacts import (
     load_keyframe,
+    load_keyframe_blocks,
     load_keyframe_depth,
     load_loop_edges,
     load_loops,
     load_odometry,
     load_optimised,
+    load_whole_keyframe,
     map_cameras,
 )
 from vnav.io.store.map_folder import MapFolder
@@ -47,6 +49,10 @@ MAX_SIGMA = 0.01  # of the focal length; errors that all views share are as larg
 OF_GIVEN = (
     "the given poses are off there, or of another time than the images: correct them, or let vnav"
     " adjust them by --set optimise.given_poses=prior"
+)
+COUNTED = (
+    *("revisits", "revisits_disagreeing", "loops", "loops_rejected", "loops_contradicting"),
+    *("steps_unborne", "steps_standing", "motions_unsure", "jumps", "cameras_wrong"),
 )
 FITTED = (  # and its standard deviation, and what was given
     "a focal length of {:.1f} px (+- {:.1f}) where {:.1f} px were given",
@@ -67,12 +73,12 @@ class Quality:
     def line(self) -> str:
         """The verdict for a person."""
         if self.doubts:
-            return f"doubtful, for {len(self.doubts)} of 6 reasons"
+            return f"doubtful, for {len(self.doubts)} of 7 reasons"
         return f"good: {self.values['agreement']}"
 
 
 def assess(folder: MapFolder, config: Config) -> Quality:
-    """The verdict on a finished map, by its revisits, loops, steps, motions, speed and cameras."""
+    """The verdict on a finished map by its revisits, loops, steps, masks, motions and cameras."""
     odometry, solved = load_odometry(folder), load_optimised(folder)
     poses, delay_s = solved.T_world_camera, solved.depth_delay_s
     rows, registration = odometry.keyframe_rows, config.registration
@@ -83,6 +89,7 @@ def assess(folder: MapFolder, config: Config) -> Quality:
     loops, rejected = _loops(folder)
     against = _against(rejected, poses, seen, sensor, _sensor_errors(optimised, len(cameras)))
     unborne = unborne_steps(rows, odometry.motions, poses, seen, registration)
+    standing = _standing(folder, odometry, poses, registration)
     unsure, wrong = unsure_rows(odometry, poses), _wrong_fits(optimised)
     jumped = jumps(odometry.frames, poses, np.zeros_like(odometry.segment))
     posed = int(np.isfinite(poses[:, 0, 0]).sum())
@@ -90,24 +97,20 @@ def assess(folder: MapFolder, config: Config) -> Quality:
         _disagreement(revisits, odometry),
         _contradiction(against, odometry),
         _unborne(unborne, odometry),
+        _masked(standing, odometry),
         _uncertainty(unsure, loops, odometry),
         _jumping(jumped, odometry),
         _wrong_cameras(wrong),
     )
     doubts = tuple(filter(None, told))
+    seen_twice = revisits.pairs, revisits.disagreeing
+    others = loops, rejected, against, unborne, standing, unsure, jumped, wrong
+    counted: tuple[Sized, ...] = *seen_twice, *others
     values = {
         "verdict": "doubtful" if doubts else "good",
         "doubts": list(doubts),
         "agreement": "" if doubts else agreement(len(revisits.pairs), len(loops), odometry, posed),
-        "revisits": len(revisits.pairs),
-        "revisits_disagreeing": len(revisits.disagreeing),
-        "loops": len(loops),
-        "loops_rejected": len(rejected),
-        "loops_contradicting": len(against),
-        "steps_unborne": len(unborne),
-        "motions_unsure": len(unsure),
-        "jumps": len(jumped),
-        "cameras_wrong": len(wrong),
+        **{name: len(found) for name, found in zip(COUNTED, counted, strict=True)},
     }
     return Quality(doubts, values)
 
@@ -163,6 +166,22 @@ def _seen(folder: MapFolder, odometry: Odometry, sensor: MovingSensor) -> Seen:
         return reduced(frame).moving(sensor.cameras[row].twist)
 
     return seen
+
+
+def _standing(
+    folder: MapFolder, odometry: Odometry, T_world_camera: Array, config: RegistrationConfig
+) -> list[tuple[int, int]]:
+    """Steps most of which is taken for moving, but stands."""
+
+    @cache
+    def whole(row: int) -> ReducedFrame:
+        return reduced(load_whole_keyframe(folder, row, odometry.frames))
+
+    def moving(row: int) -> NDArray[np.bool_]:
+        blocks = load_keyframe_blocks(folder, row)
+        return np.zeros((1, 1), bool) if blocks is None else blocks
+
+    return standing_steps(odometry.keyframe_rows, T_world_camera, whole, moving, config)
 
 
 def _sensor_errors(optimised: dict[str, Any], captures: int) -> list[SensorErrors]:
@@ -240,6 +259,20 @@ def _unborne(unborne: Sequence[tuple[int, int]], odometry: Odometry) -> str:
     return (
         f"{len(unborne)} of {count} steps from keyframe to keyframe do not fit the images, within"
         f" {where}; {_advice(odometry, mistaken)}"
+    )
+
+
+def _masked(standing: Sequence[tuple[int, int]], odometry: Odometry) -> str:
+    if not standing:
+        return ""
+    mistaken = (
+        "the track is wrong there, by what repeated, or all that is seen moved: record with more"
+        " of what stands still and is unique"
+    )
+    return (
+        f"most of the view is taken for moving in {len(standing)} steps from keyframe to keyframe,"
+        f" but stands still between the two, within {_within(standing, odometry)};"
+        f" {_advice(odometry, mistaken)}"
     )
 
 

@@ -209,14 +209,22 @@ def load_keyframe(folder: MapFolder, row: int, frames: FrameTable, beside_px: in
 
     What moves is hidden and has no depth, nor has what is beside it; see `load_keyframe_depth`.
     """
-    color = load_keyframe_color(folder, row)
+    whole = load_whole_keyframe(folder, row, frames)
+    moving = load_keyframe_mask(folder, row, whole.depth_m.shape)
+    if not moving.any():
+        return whole
+    hidden = moving if whole.hidden is None else moving | whole.hidden
+    depth_m = _without(whole.depth_m, moving, beside_px)
+    return dataclasses.replace(whole, depth_m=depth_m, hidden=hidden)
+
+
+def load_whole_keyframe(folder: MapFolder, row: int, frames: FrameTable) -> Frame:
+    """A keyframe with what moves in it."""
+    color, depth_m = load_keyframe_color(folder, row), _keyframe_depth(folder, row)
     key = int(frames.capture[row]), int(frames.index[row])
-    depth_m, hidden = _depth_and_moving(folder, row, beside_px)
-    not_of_scene = _keyframe_flags(folder, row, "hidden.png")
-    if not_of_scene is not None:
-        hidden |= not_of_scene
     stamp_s, camera = float(frames.stamp_s[row]), map_camera(folder, key[0])
-    return Frame(*key, stamp_s, color, depth_m, camera, hidden if hidden.any() else None)
+    hidden = _keyframe_flags(folder, row, "hidden.png")
+    return Frame(*key, stamp_s, color, depth_m, camera, hidden)
 
 
 def load_keyframe_color(folder: MapFolder, row: int) -> NDArray[np.uint8]:
@@ -231,26 +239,34 @@ def load_keyframe_depth(folder: MapFolder, row: int, beside_px: int = 0) -> NDAr
     What moves has none, nor has what is beside it, by so many pixels: nothing that is made of the
     map's depth shows it.
     """
-    return _depth_and_moving(folder, row, beside_px)[0]
+    depth_m = _keyframe_depth(folder, row)
+    return _without(depth_m, load_keyframe_mask(folder, row, depth_m.shape), beside_px)
 
 
-def _depth_and_moving(
-    folder: MapFolder, row: int, beside_px: int
-) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
-    """See `load_keyframe_depth` and `load_keyframe_mask`."""
+def _keyframe_depth(folder: MapFolder, row: int) -> NDArray[np.float32]:
     depth = _keyframe_image(folder, row, "png", cv2.IMREAD_UNCHANGED)
-    depth_m = np.asarray(depth / np.float32(DEPTH_UNITS_PER_METRE))
-    moving = load_keyframe_mask(folder, row, depth_m.shape)
-    if moving.any():
-        beside = cv2.getStructuringElement(cv2.MORPH_CROSS, (2 * beside_px + 1, 2 * beside_px + 1))
-        depth_m[cv2.dilate(moving.astype(np.uint8), beside) > 0] = 0
-    return depth_m, moving
+    return np.asarray(depth / np.float32(DEPTH_UNITS_PER_METRE))
+
+
+def _without(
+    depth_m: NDArray[np.float32], moving: NDArray[np.bool_], beside_px: int
+) -> NDArray[np.float32]:
+    """Depth without that of what moves, and of what is beside it."""
+    if not moving.any():
+        return depth_m
+    beside = cv2.getStructuringElement(cv2.MORPH_CROSS, (2 * beside_px + 1, 2 * beside_px + 1))
+    return np.where(cv2.dilate(moving.astype(np.uint8), beside) > 0, np.float32(0), depth_m)
 
 
 def load_keyframe_mask(folder: MapFolder, row: int, shape: tuple[int, ...]) -> NDArray[np.bool_]:
     """Which pixels of a keyframe, of that height and width, move."""
-    blocks = _keyframe_flags(folder, row, "mask.png")
+    blocks = load_keyframe_blocks(folder, row)
     return np.zeros(shape, bool) if blocks is None else in_pixels(blocks, shape)
+
+
+def load_keyframe_blocks(folder: MapFolder, row: int) -> NDArray[np.bool_] | None:
+    """Which blocks (h, w) of a keyframe move, as they are saved; None where none does."""
+    return _keyframe_flags(folder, row, "mask.png")
 
 
 def _keyframe_flags(folder: MapFolder, row: int, kind: str) -> NDArray[np.bool_] | None:
