@@ -175,6 +175,25 @@ def weighed(speed: float, apart_m: float) -> ChosenMotions:
     return choice.result()
 
 
+def test_motions_from_the_newest_frame_are_told_with_what_its_pixels_say_of_them() -> None:
+    """That to the best pose first; shelves that are all the same leave a period beside open."""
+    choice = found([[SHELVES]] * 3, [NOW_M + 0.01, NOW_M - PERIOD_M])
+    rivals = choice.rivals
+    assert rivals is not None
+    assert rivals.target == max(choice.estimates)
+    first, *others = rivals.estimates
+    np.testing.assert_allclose(first.T_a_b, choice.estimates[rivals.target].T_a_b)
+    apart_m = [np.linalg.norm(e.T_a_b[:3, 3] - first.T_a_b[:3, 3]) for e in others]
+    assert min(abs(m - PERIOD_M) for m in apart_m) < 0.01
+    assert rivals.log_odds[0] == 0
+
+
+def test_what_pixels_clearly_refute_is_no_rival() -> None:
+    rivals = found([[WALL]] * 3, [NOW_M + 0.01, NOW_M - PERIOD_M]).rivals
+    assert rivals is not None
+    assert len(rivals.estimates) == 1
+
+
 def test_what_poses_share_is_at_most_one_in_spite_of_rounding(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:

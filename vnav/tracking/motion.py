@@ -22,7 +22,7 @@ REMEMBERED = 3  # steps: that so many are mistaken one after the other is rare
 
 
 @dataclass(frozen=True)
-class _PastStep:
+class PastStep:
     """A motion (4, 4) that took so long, to a pose of that time; ``probability`` that it is right.
 
     ``took_s`` is 0 where a track begins.
@@ -53,7 +53,7 @@ class ConstantVelocity:
 
     def __init__(self) -> None:
         self._T_start_camera: dict[int, Array] = {}
-        self._steps: deque[_PastStep] = deque(maxlen=REMEMBERED)  # of this track, the newest last
+        self._steps: deque[PastStep] = deque(maxlen=REMEMBERED)  # of this track, the newest last
         self._next_s = 0.0
         self._T_last_next = np.eye(4)
         self._T_suggested: Array | None = None
@@ -90,7 +90,7 @@ class ConstantVelocity:
             self._T_start_camera.clear()
             self._steps.clear()
             pose, step, took_s = np.eye(4), np.eye(4), 0.0
-        self._steps.append(_PastStep(pose, step, took_s, self._next_s, probability))
+        self._steps.append(PastStep(pose, step, took_s, self._next_s, probability))
         self._T_start_camera[row] = pose
 
     @property

@@ -28,6 +28,7 @@ UNSURE = 0.5  # probability, below which a pose is in doubt
 DELAY_S = sqrt(2) * DEPTH_DELAY_SIGMA_S  # between two frames, each late by as much
 MAX_POSES = 12  # that are judged
 MUCH = 0.1  # share of an image that refutes a pose, where it is asked for another
+MAX_LOG_ODDS = 10.0  # of the best pose over a rival by pixels: more, no motion after it makes up
 MIN_ALTERNATIVE = 0.05  # probability of a pose that is kept beside the best
 LogPrior = Callable[[Array], float]  # how likely a pose ``T_track_current`` is by itself
 Motions = dict[int, PoseEstimate]  # to the current frame, by the row of the frame they are from
@@ -100,11 +101,27 @@ class Target:
 
 
 @dataclass(frozen=True)
+class Rivals:
+    """Motions from one frame, the ``target`` by its row, to the places where the next may be.
+
+    ``log_odds`` (C,): of each over the first, by the pixels of the two frames alone.
+    """
+
+    target: int
+    estimates: tuple[PoseEstimate, ...]
+    log_odds: Array
+
+
+@dataclass(frozen=True)
 class ChosenMotions:
-    """Motions to the best pose, and to the next if that is about as good; with probabilities."""
+    """Motions to the best pose, and to the next if that is about as good; with probabilities.
+
+    ``rivals``: all from the newest target that lead anywhere, that to the best pose first.
+    """
 
     estimates: Motions = field(default_factory=dict)
     alternatives: Motions = field(default_factory=dict)
+    rivals: Rivals | None = None
 
     @property
     def probability(self) -> float:
@@ -139,6 +156,7 @@ class PoseChoice:
         self._log_prior = log_prior
         self._poses: list[_Pose] = []
         self._probabilities = self._refuting = np.zeros(0)
+        self._by_newest = np.zeros((0, 0))  # log-odds of the poses, and of none, by that target
 
     @property
     def poses(self) -> list[Array]:
@@ -194,6 +212,7 @@ class PoseChoice:
         if len(self._probabilities) == len(self._poses):
             return
         evidence = [self._judged(target) for target in self._targets]
+        self._by_newest = evidence[0].log_odds
         log_prior = np.array([self._log_prior(T) for T in self.poses])
         of_all = reduce(add, evidence)
         self._probabilities, self._refuting = of_all.posterior(log_prior), of_all.refuting
@@ -228,12 +247,23 @@ class PoseChoice:
         if best is None:
             return ChosenMotions()
         alike = self._like(best)
-        estimates = self._weighed(best, alike)
+        estimates, rivals = self._weighed(best, alike), self._rivals(best)
         others = [k for k in others if k not in alike]
         if not others or self._probabilities[others[0]] < MIN_ALTERNATIVE:
-            return ChosenMotions(estimates)
+            return ChosenMotions(estimates, rivals=rivals)
         other = self._weighed(others[0], others[:1])
-        return ChosenMotions(estimates, {row: e for row, e in other.items() if row in estimates})
+        alternatives = {row: e for row, e in other.items() if row in estimates}
+        return ChosenMotions(estimates, alternatives, rivals)
+
+    def _rivals(self, best: int) -> Rivals | None:
+        """Motions from the newest target to the best pose, and to those not far less likely."""
+        row, log_odds = self._targets[0].row, self._by_newest[:, best]
+        if row not in self._poses[best].motions:
+            return None
+        others = [k for k, p in enumerate(self._poses) if k != best and row in p.motions]
+        numbers = [best, *(k for k in others if log_odds[k] > -MAX_LOG_ODDS)]
+        estimates = tuple(self._poses[k].motions[row] for k in numbers)
+        return Rivals(row, estimates, log_odds[numbers])
 
     def _like(self, number: int) -> list[int]:
         """The numbers of poses that may be this one, for all that delays are unknown."""

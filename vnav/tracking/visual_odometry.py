@@ -26,11 +26,12 @@ from vnav.tracking.feature_tracking import (
     is_doubtful,
 )
 from vnav.tracking.followed_frames import FollowedFrames
+from vnav.tracking.joint_choice import chosen_together
 from vnav.tracking.keyframes import is_new_view
 from vnav.tracking.map_tracking import MapTracker
 from vnav.tracking.masked_tracking import MaskedTracker
 from vnav.tracking.motion import ConstantVelocity
-from vnav.tracking.pose_choice import ChosenMotions, Motions, TrackedFrame
+from vnav.tracking.pose_choice import ChosenMotions, Motions, Rivals, TrackedFrame
 from vnav.tracking.second_tracking import SecondTracking
 
 MAX_COARSE_SIGMA_M = 0.003  # of the translation, that all features would tell better
@@ -57,6 +58,7 @@ class VisualOdometry:
         self._behind = Behind()
         self._edges: dict[int, list[Edge]] = {}  # by the row of the frame that they lead to
         self._alternatives: dict[int, list[Edge]] = {}
+        self._rivals: dict[int, Rivals | None] = {}
         self._degenerate_edges: list[Edge] = []
         self._reasons: dict[int, str] = {}
 
@@ -99,6 +101,8 @@ class VisualOdometry:
         """Everything that was tracked, as segments of connected frames."""
         self._behind.wait()
         self._take(self._second.end(self._edges))
+        tracked = self._rivals, self._edges, self._alternatives
+        self._edges, self._alternatives = chosen_together(*tracked, frames.stamp_s)
         masks = self._second.masks
         moving_share = masks.shares(len(frames))
         keyframes = tuple(masks.static(k.features) for k in self._features.keyframes)
@@ -207,6 +211,7 @@ class VisualOdometry:
         constrained = {i: e for i, e in dense.items() if e.well_constrained}
         edges = [*_edges(row, choice.estimates), *_edges(row, constrained)]
         self._alternatives[row] = _edges(row, choice.alternatives)
+        self._rivals[row] = choice.rivals
         degenerate = [] if constrained else _edges(row, dense)
         self._edges[row] = edges
         self._degenerate_edges += degenerate
@@ -229,6 +234,7 @@ class VisualOdometry:
         for row, choice in found:
             self._edges[row] = _edges(row, choice.estimates)
             self._alternatives[row] = _edges(row, choice.alternatives)
+            self._rivals[row] = choice.rivals
 
     def _is_keyframe(self, current: TrackedFrame, estimates: Motions) -> bool:
         """By motion and shared view; also where the last keyframe is out of sight."""
