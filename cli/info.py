@@ -60,7 +60,7 @@ def _located(current: dict[str, Any] | None) -> Iterator[tuple[str, str]]:
 
 
 def _frames(values: dict[str, Any]) -> Iterator[tuple[str, str]]:
-    from vnav.core.mapping import Span, in_short, light_text
+    from vnav.core.mapping import Span, in_short, light_texts
 
     if "frames" in values:
         frames = f"{values['tracked']} of {values['frames']} tracked"
@@ -69,7 +69,8 @@ def _frames(values: dict[str, Any]) -> Iterator[tuple[str, str]]:
         where = f"{span.first} to {span.last} of capture {span.capture}"
         yield "no pose", f"frames {where}: {span.reason}"
     for light in values.get("light", []):
-        yield "light", f"capture {light['capture']}: {light_text(light['corners'])}"
+        for text in light_texts(light["corners"], light["bands"]):
+            yield "light", f"capture {light['capture']}: {text}"
 
 
 def _head(values: dict[str, Any]) -> Iterator[tuple[str, str]]:

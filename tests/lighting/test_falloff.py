@@ -20,7 +20,7 @@ def place(seed: int, light=lamp, outliers: int = 0, exposure: float = 0.3) -> li
         change = np.log(light(b) / light(a)) + exposure * rng.standard_normal()
         change += NOISE * rng.standard_normal(100)
         change[:outliers] += 1.5
-        pairs.append(Changes(a, b, change))
+        pairs.append(Changes(a, b, a, b, change))
     return pairs
 
 
@@ -69,7 +69,7 @@ def test_too_few_places_tell_nothing() -> None:
 
 def test_points_that_stay_where_they_are_tell_of_no_falloff() -> None:
     still = np.linspace(0, 1, 50)
-    profile = fitted([[Changes(still, still, np.zeros(50))]] * 10)
+    profile = fitted([[Changes(still, still, still, still, np.zeros(50))]] * 10)
     assert profile is not None
     assert not profile.is_strong
 

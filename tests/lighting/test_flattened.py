@@ -111,7 +111,7 @@ def test_a_few_frames_tell_nothing_and_are_not_read(capture: Capture) -> None:
 def test_frames_that_cannot_be_read_are_left_out(capture: Capture) -> None:
     changed, found = even(Damaged(capture))
     assert isinstance(changed, Flattened)
-    left, sigma = found[0]
+    left, sigma, _ = found[0]
     assert abs(np.log(left / lamp(np.array(1.0)))) < 4 * sigma + 0.005
 
 

@@ -227,7 +227,7 @@ def test_the_light_of_each_capture_is_told_of(
     tiny_map: Path, tiny_capture: Path, tmp_path: Path
 ) -> None:
     before, capture = load_odometry(MapFolder(tiny_map)), opened(tiny_capture)
-    lights = np.array([[1, 0], [0.3, 0.01]], np.float32)
+    lights = np.array([[1, 0, 0], [0.3, 0.01, 2.5]], np.float32)
 
     def track_all(tasks: Sequence[TrackTask]) -> Iterator[tuple[int, Report]]:
         for k, task in enumerate(tasks):
@@ -241,7 +241,9 @@ def test_the_light_of_each_capture_is_told_of(
     folder = MapFolder.create(tmp_path / "map")
     entries = [described(k, capture) for k in range(2)]
     report = track_together(folder, [capture] * 2, entries, CONFIG, track_all)
-    assert report.values["light"] == [{"capture": 1, "corners": 0.3, "sigma": 0.01}]
+    told = {"capture": 1, "corners": 0.3, "sigma": 0.01, "bands": 2.5}
+    assert report.values["light"] == [told]
     assert "capture 1: brightness falls to 30% at the corners: taken off" in report.lines
+    assert "capture 1: lamps flicker, 2.5 bands of light to an image: taken off" in report.lines
     np.testing.assert_array_equal(load_odometry(folder).light, lights)
     assert overview(folder)["light"] == report.values["light"]

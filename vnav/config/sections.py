@@ -42,7 +42,7 @@ class CaptureConfig(Section, path="capture"):
         "auto",
         lambda: ("auto", "off"),
         "whether light that surely and strongly falls off from the image centre, as a lamp's on the"
-        " camera does, is taken off the frames",
+        " camera does, and bands of lamps that flicker are taken off the frames",
     )
     overlay: str = choice(
         "auto",

@@ -16,7 +16,7 @@ from vnav.core.trajectory import Trajectory
 LOST = -1
 EVEN_S = 1e-3  # by which stamps of depth may vary against colour's, and count as even
 MOST_SPANS = 10  # lost for one reason, that are told one by one
-EVEN_LIGHT = frozen(np.array([[1, 0]], np.float32), np.float32, (1, 2))  # of one capture
+EVEN_LIGHT = frozen(np.array([[1, 0, 0]], np.float32), np.float32, (1, 3))  # of one capture
 CONTRADICTS = "disagrees with the pose graph"  # reason of a loop that was found and is not kept
 FLOOR_OFF_M, FLOOR_TILT_DEG = 0.05, 2.0  # of a given world, where the grid still fits
 
@@ -204,17 +204,24 @@ class Odometry:
 
     @property
     def taken_off(self) -> list[dict[str, Any]]:
-        """As plain values, which captures' light was made even, and how bright the corners were."""
+        """As plain values, which captures' light was made even.
+
+        How bright the ``corners`` were, and how many ``bands`` lay over the height of the image.
+        """
+        names = "corners", "sigma", "bands"
         return [
-            {"capture": k, "corners": round(float(left), 4), "sigma": round(float(sigma), 4)}
-            for k, (left, sigma) in enumerate(self.light)
-            if left < 1
+            {"capture": k, **{n: round(float(x), 4) for n, x in zip(names, light, strict=True)}}
+            for k, light in enumerate(self.light)
+            if light[0] < 1 or light[2] > 0
         ]
 
 
-def light_text(corners: float) -> str:
+def light_texts(corners: float, bands: float) -> list[str]:
     """What is told of light that was made even."""
-    return f"brightness falls to {corners:.0%} at the corners: taken off"
+    told = [f"brightness falls to {corners:.0%} at the corners: taken off"] if corners < 1 else []
+    if bands > 0:
+        told.append(f"lamps flicker, {bands:.1f} bands of light to an image: taken off")
+    return told
 
 
 def overlay_text(share: float) -> str:

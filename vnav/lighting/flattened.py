@@ -1,6 +1,7 @@
-"""A capture without the falloff of its light."""
+"""A capture without the falloff of its light, and without bands of flickering light."""
 
 import dataclasses
+from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from functools import lru_cache
 
@@ -15,6 +16,7 @@ from vnav.errors import CaptureError
 from vnav.io.sources.capture import Capture
 from vnav.io.sources.derived import DerivedCapture
 from vnav.lighting.falloff import LEAST_PLACES, Changed, LightProfile, fitted
+from vnav.lighting.flicker import bands_of, without_bands
 from vnav.lighting.followed_points import changes, lit_image
 from vnav.threads import one_opencv_thread
 
@@ -41,6 +43,19 @@ class Flattened(DerivedCapture):
         return dataclasses.replace(frame, color=color)
 
 
+class Steady(DerivedCapture):
+    """The frames of a capture under lamps that flicker, without the bands."""
+
+    def __init__(self, capture: Capture, bands: float) -> None:
+        super().__init__(capture)
+        self._bands = bands
+
+    def read(self, index: int) -> Frame:
+        """A frame of the capture, evenly lit."""
+        frame = super().read(index)
+        return dataclasses.replace(frame, color=without_bands(frame.color, self._bands))
+
+
 def _gain(size: tuple[int, int], profile: LightProfile) -> Floats:
     """What colour (H, W, 3) is multiplied by."""
     height, width = size
@@ -53,15 +68,20 @@ def _gain(size: tuple[int, int], profile: LightProfile) -> Floats:
 def flattened(
     capture: Capture, pool: ThreadPoolExecutor, progress: Progress = silent
 ) -> tuple[Capture, Floats]:
-    """The capture without the falloff of its light, and what that was, as `Odometry.light` says.
+    """The capture without what its light does, and what that was, as `Odometry.light` says.
 
-    The capture itself where the light does not fall off surely and strongly.
+    The capture itself where light does not fall off surely and strongly, and does not flicker.
     """
-    profile = light_of(capture, pool, progress)
-    if profile is None or not profile.is_strong:
-        return capture, EVEN_LIGHT
-    light = np.array([[profile.brightness(1.0), profile.sigma(1.0)]], np.float32)
-    return Flattened(capture, profile), light
+    places, light = _changes_of(capture, pool, progress), EVEN_LIGHT.copy()
+    bands = bands_of(places)
+    if bands is not None:
+        capture, light[0, 2] = Steady(capture, bands), bands
+        places = _changes_of(capture, pool, progress)  # with bands, nothing else is sure
+    profile = fitted(places)
+    if profile is not None and profile.is_strong:
+        capture = Flattened(capture, profile)
+        light[0, :2] = profile.brightness(1.0), profile.sigma(1.0)
+    return capture, light
 
 
 def corners_of(
@@ -80,20 +100,27 @@ def corners_of(
 def light_of(
     capture: Capture, pool: ThreadPoolExecutor, progress: Progress = silent
 ) -> LightProfile | None:
-    """The light of a capture, by some of its frames; None where they are too few to tell.
+    """The light of a capture, by some of its frames; None where they are too few to tell."""
+    return fitted(_changes_of(capture, pool, progress))
 
-    A place with a frame that cannot be read is left out.
+
+def _changes_of(
+    capture: Capture, pool: ThreadPoolExecutor, progress: Progress
+) -> Sequence[Changed]:
+    """How points changed at some places of a capture, none where that has too few frames.
+
+    A place with a frame that cannot be read has none.
     """
     places = min(PLACES, len(capture) // (STEPS[-1] + 1))
     if places < LEAST_PLACES:
-        return None
+        return []
     first = np.linspace(0, len(capture) - 1 - STEPS[-1], places).astype(int)
     found = []
     with one_opencv_thread:
         for place in pool.map(lambda row: _place(capture, row), first.tolist()):
             found.append(place)
             progress("measuring light", len(found), places)
-        return fitted(found)
+    return found
 
 
 def _place(capture: Capture, row: int) -> Changed:

@@ -39,11 +39,14 @@ class Changes:
     """N surface points of two frames.
 
     ``r2_a``, ``r2_b`` (N,): squares of their distances from the image centre, 1 in the corners;
-    ``log_ratio`` (N,): the logarithm of how much brighter they are in b.
+    ``y_a``, ``y_b`` (N,): how far down they are, 1 at the bottom; ``log_ratio`` (N,): the logarithm
+    of how much brighter they are in b.
     """
 
     r2_a: NDArray[np.float64]
     r2_b: NDArray[np.float64]
+    y_a: NDArray[np.float64]
+    y_b: NDArray[np.float64]
     log_ratio: NDArray[np.float64]
 
 
@@ -81,8 +84,10 @@ def changes(a: LitImage, b: LitImage) -> Changes | None:
     told &= _at(b.peak, px_b) < BRIGHTEST
     if told.sum() < FEWEST:
         return None
-    r2_a, r2_b = (_r2(px[told], a.even.shape) for px in (px_a, px_b))
-    return Changes(r2_a, r2_b, np.log(light_b[told] / light_a[told]))
+    px_a, px_b = px_a[told], px_b[told]
+    r2_a, r2_b = (_r2(px, a.even.shape) for px in (px_a, px_b))
+    y_a, y_b = ((px[:, 1] + 0.5).astype(np.float64) / len(a.even) for px in (px_a, px_b))
+    return Changes(r2_a, r2_b, y_a, y_b, np.log(light_b[told] / light_a[told]))
 
 
 def _follow(a: Image, b: Image, px: Floats) -> tuple[Floats, NDArray[np.bool_]]:

@@ -23,7 +23,7 @@ from vnav.core.mapping import (
     FrameTable,
     Odometry,
     in_short,
-    light_text,
+    light_texts,
     overlay_text,
 )
 from vnav.core.progress import Progress, silent
@@ -264,12 +264,11 @@ def report(odometry: Odometry, hidden: float = 0.0) -> Report:
     return Report("odometry", values, lines, warnings + unmasked)
 
 
-def _light_lines(light: list[dict[str, Any]], captures: int) -> tuple[str, ...]:
-    """One line for each capture whose light was evened."""
-    return tuple(
-        (f"capture {found['capture']}: " if captures > 1 else "") + light_text(found["corners"])
-        for found in light
-    )
+def _light_lines(light: list[dict[str, Any]], captures: int) -> Iterator[str]:
+    """Lines for each capture whose light was evened."""
+    for found in light:
+        named = f"capture {found['capture']}: " if captures > 1 else ""
+        yield from (named + text for text in light_texts(found["corners"], found["bands"]))
 
 
 def _moving(odometry: Odometry) -> tuple[dict[str, Any], tuple[str, ...]]:

@@ -147,7 +147,7 @@ SCHEMAS = {
             "moving_share": Column("real", (None,), gaps=True),
             "T_world_before": Column("real", ("N", 4, 4), gaps=True, needed=False),
             "has_scale": Column("flag", (), needed=False),
-            "light": Column("real", (None, 2), 0, needed=False),
+            "light": Column("real", (None, 3), 0, needed=False),
         },
         {
             "light of each capture": lambda arrays: (
