@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import vnav
-from tests.lighting.lamp import LampLit, lamp
+from tests.lighting.lamp import Flickering, LampLit, lamp
 from vnav.checking.capture_report import summary
 from vnav.config import CaptureConfig, Config
 from vnav.io.sources.capture import Capture
@@ -26,7 +26,7 @@ def told(report: object) -> list[str]:
 
 def test_a_lamp_on_the_camera_is_told(by_a_lamp: Capture) -> None:
     with ThreadPoolExecutor(2) as pool:
-        profile = light_of(by_a_lamp, pool)
+        profile = light_of(by_a_lamp, pool).profile
     report = vnav.check(by_a_lamp)
     assert profile is not None
     assert report.corners is not None
@@ -43,6 +43,16 @@ def test_even_light_is_told(capture: Capture) -> None:
     report = vnav.check(capture)
     assert report.corners == 1.0
     assert told(report) == ["light    does not fall off by what would harm a map"]
+
+
+def test_lamps_that_flicker_are_told(capture: Capture) -> None:
+    report = vnav.check(Flickering(capture))
+    assert report.bands is not None
+    assert told(report) == [
+        "light    does not fall off by what would harm a map",
+        f"light    flickers, {report.bands:.1f} bands to an image: they will be taken off",
+    ]
+    assert report.as_dict()["bands"] == report.bands
 
 
 def test_nothing_is_said_of_light_that_is_left_as_it_is(by_a_lamp: Capture) -> None:

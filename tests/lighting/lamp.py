@@ -1,5 +1,6 @@
-"""The tiny capture as a camera with a lamp beside it records it."""
+"""The tiny capture as a camera with a lamp records it, or one under lamps that flicker."""
 
+import dataclasses
 from collections.abc import Callable
 
 import numpy as np
@@ -8,7 +9,11 @@ from vnav.core.arrays import Array
 from vnav.core.camera import Camera
 from vnav.core.frame import Frame
 from vnav.io.sources.capture import Capture
+from vnav.io.sources.derived import DerivedCapture
 from vnav.synthetic.sensor import Sensor, measured_color
+
+SWING = 0.1  # of the brightness, to either side
+ADVANCE = 0.37  # of a wave, from frame to frame: what the rates of camera and lamps leave
 
 
 def lamp(r2: Array) -> Array:
@@ -51,3 +56,27 @@ def squares(height: int, width: int) -> Array:
     y, x = np.mgrid[:height, :width]
     u, v = 2 * x - (width - 1), 2 * y - (height - 1)
     return np.asarray((u**2 + v**2) / ((width - 1) ** 2 + (height - 1) ** 2))
+
+
+def bands(rows: np.ndarray, waves: float, index: int, swing: float = SWING) -> np.ndarray:
+    """How bright shares (H,) of the image's height are in a frame."""
+    return 1 + swing * np.sin(2 * np.pi * (waves * rows + ADVANCE * index))
+
+
+def banded(frame: Frame, waves: float, index: int, swing: float = SWING) -> Frame:
+    """A frame with bands; rounded, and clipped where it is too bright."""
+    height = len(frame.color)
+    light = bands((np.arange(height) + 0.5) / height, waves, index, swing)
+    lit = np.clip(frame.color * light[:, None, None] + 0.5, 0, 255).astype(np.uint8)
+    return dataclasses.replace(frame, color=lit)
+
+
+class Flickering(DerivedCapture):
+    """The frames of a capture with bands."""
+
+    def __init__(self, whole: Capture, waves: float = 3.3, swing: float = SWING) -> None:
+        super().__init__(whole)
+        self._waves, self._swing = waves, swing
+
+    def read(self, index: int) -> Frame:
+        return banded(super().read(index), self._waves, index, self._swing)

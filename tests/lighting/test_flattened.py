@@ -55,7 +55,7 @@ def profile(capture: Capture) -> LightProfile:
 
 def light(capture: Capture, threads: int = 2) -> LightProfile | None:
     with ThreadPoolExecutor(threads) as pool:
-        return light_of(capture, pool)
+        return light_of(capture, pool).profile
 
 
 def even(capture: Capture) -> tuple[Capture, np.ndarray]:

@@ -1,12 +1,11 @@
 """Captures under lamps that flicker: bands are found, and taken off."""
 
-import dataclasses
 from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
 
-from tests.lighting.lamp import LampLit, lamp
+from tests.lighting.lamp import SWING, Flickering, LampLit, banded, bands, lamp
 from vnav.core.frame import Frame
 from vnav.core.mapping import EVEN_LIGHT
 from vnav.io.sources.capture import Capture
@@ -14,33 +13,6 @@ from vnav.io.sources.derived import DerivedCapture
 from vnav.lighting.flattened import flattened
 from vnav.lighting.flicker import bands_of, without_bands
 from vnav.lighting.followed_points import Changes
-
-SWING = 0.1  # of the brightness, to either side
-ADVANCE = 0.37  # of a wave, from frame to frame: what the rates of camera and lamps leave
-
-
-def bands(rows: np.ndarray, waves: float, index: int, swing: float = SWING) -> np.ndarray:
-    """How bright shares (H,) of the image's height are in a frame."""
-    return 1 + swing * np.sin(2 * np.pi * (waves * rows + ADVANCE * index))
-
-
-def banded(frame: Frame, waves: float, index: int, swing: float = SWING) -> Frame:
-    """A frame with bands; rounded, and clipped where it is too bright."""
-    height = len(frame.color)
-    light = bands((np.arange(height) + 0.5) / height, waves, index, swing)
-    lit = np.clip(frame.color * light[:, None, None] + 0.5, 0, 255).astype(np.uint8)
-    return dataclasses.replace(frame, color=lit)
-
-
-class Flickering(DerivedCapture):
-    """The frames of a capture with bands."""
-
-    def __init__(self, whole: Capture, waves: float = 3.3, swing: float = SWING) -> None:
-        super().__init__(whole)
-        self._waves, self._swing = waves, swing
-
-    def read(self, index: int) -> Frame:
-        return banded(super().read(index), self._waves, index, self._swing)
 
 
 class Resting(DerivedCapture):

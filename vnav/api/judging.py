@@ -52,7 +52,7 @@ def check(
     its units. Other arguments as for `build_map`.
     """
     from vnav.checking.capture_report import inspect
-    from vnav.lighting.flattened import corners_of
+    from vnav.lighting.flattened import light_of
     from vnav.overlays.overlay import without_overlay
 
     settings = config_of(config)
@@ -60,7 +60,8 @@ def check(
     report = inspect(source, progress=progress)
     if settings.capture.flatten == "auto" and not report.fatal:
         with ThreadPoolExecutor(os.cpu_count()) as pool:
-            report = dataclasses.replace(report, corners=corners_of(source, pool, progress))
+            light = light_of(source, pool, progress)
+        report = dataclasses.replace(report, corners=light.corners, bands=light.bands)
     if settings.capture.overlay == "auto" and not report.fatal:
         report = dataclasses.replace(report, overlay=without_overlay(source)[1])
     if picture is not None and not report.fatal:

@@ -29,8 +29,9 @@ class CaptureReport:
     plausible) stop a map, the latter unless forced; ``fitting_units``: units_per_metre that would
     make depth plausible, None where none would; ``corners``: how bright the images' corners are, 1
     in the centre and where the light does not fall off by so much that it is taken off, None where
-    that was not measured or cannot be told; ``overlay``: share of the image that shows the same in
-    all views, None where that was not measured.
+    that was not measured or cannot be told; ``bands``: of flickering light over an image, 0 where
+    there are none, None where that was not measured; ``overlay``: share of the image that shows the
+    same in all views, None where that was not measured.
     """
 
     name: str
@@ -44,6 +45,7 @@ class CaptureReport:
     fitting_units: float | None
     warnings: tuple[str, ...]
     corners: float | None = None
+    bands: float | None = None
     overlay: float | None = None
 
     def as_dict(self) -> dict[str, Any]:
@@ -120,7 +122,7 @@ def summary(report: CaptureReport) -> list[str]:
         f" {timing.largest_gap_s * 1e3:.0f} ms"
     )
     seen = [] if look is None else _seen(look, report.camera.units_per_metre)
-    seen += _light_text(report.corners)
+    seen += _light_text(report.corners, report.bands or 0.0)
     if report.overlay:
         seen.append(f"overlay  {overlay_text(report.overlay)}: depth there will be left out")
     if files is None:
@@ -138,11 +140,14 @@ def summary(report: CaptureReport) -> list[str]:
     ]
 
 
-def _light_text(corners: float | None) -> list[str]:
-    if corners is None:
-        return []
-    falls = f"falls to {corners:.0%} at the corners: it will be taken off"
-    return [f"light    {falls if corners < 1 else 'does not fall off by what would harm a map'}"]
+def _light_text(corners: float | None, bands: float) -> list[str]:
+    told = []
+    if corners is not None:
+        falls = f"falls to {corners:.0%} at the corners: it will be taken off"
+        told.append(falls if corners < 1 else "does not fall off by what would harm a map")
+    if bands > 0:
+        told.append(f"flickers, {bands:.1f} bands to an image: they will be taken off")
+    return [f"light    {text}" for text in told]
 
 
 def _depth_text(camera: Camera, files: FileFindings) -> str:

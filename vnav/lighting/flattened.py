@@ -3,6 +3,7 @@
 import dataclasses
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
 from functools import lru_cache
 
 import cv2
@@ -65,6 +66,27 @@ def _gain(size: tuple[int, int], profile: LightProfile) -> Floats:
     return np.repeat(gain[..., None], 3, -1)
 
 
+@dataclass(frozen=True)
+class Light:
+    """What a capture's light does: how it falls off, and how many bands lie over an image.
+
+    ``profile`` is None where too few frames tell; ``bands`` is 0 where lamps do not flicker.
+    """
+
+    profile: LightProfile | None
+    bands: float
+
+    @property
+    def corners(self) -> float | None:
+        """How bright the corners are, 1 in the centre and where that would not harm a map.
+
+        None where it cannot be told.
+        """
+        if self.profile is None:
+            return None
+        return float(self.profile.brightness(1.0)) if self.profile.is_strong else 1.0
+
+
 def flattened(
     capture: Capture, pool: ThreadPoolExecutor, progress: Progress = silent
 ) -> tuple[Capture, Floats]:
@@ -72,36 +94,23 @@ def flattened(
 
     The capture itself where light does not fall off surely and strongly, and does not flicker.
     """
-    places, light = _changes_of(capture, pool, progress), EVEN_LIGHT.copy()
+    light, taken_off = light_of(capture, pool, progress), EVEN_LIGHT.copy()
+    if light.bands > 0:
+        capture, taken_off[0, 2] = Steady(capture, light.bands), light.bands
+    if light.profile is not None and light.profile.is_strong:
+        capture = Flattened(capture, light.profile)
+        taken_off[0, :2] = light.profile.brightness(1.0), light.profile.sigma(1.0)
+    return capture, taken_off
+
+
+def light_of(capture: Capture, pool: ThreadPoolExecutor, progress: Progress = silent) -> Light:
+    """The light of a capture, by some of its frames; even where they are too few to tell."""
+    places = _changes_of(capture, pool, progress)
     bands = bands_of(places)
-    if bands is not None:
-        capture, light[0, 2] = Steady(capture, bands), bands
-        places = _changes_of(capture, pool, progress)  # with bands, nothing else is sure
-    profile = fitted(places)
-    if profile is not None and profile.is_strong:
-        capture = Flattened(capture, profile)
-        light[0, :2] = profile.brightness(1.0), profile.sigma(1.0)
-    return capture, light
-
-
-def corners_of(
-    capture: Capture, pool: ThreadPoolExecutor, progress: Progress = silent
-) -> float | None:
-    """How bright the corners of a capture's images are, 1 in the centre.
-
-    1 where the light does not fall off surely and strongly, None where that cannot be told.
-    """
-    profile = light_of(capture, pool, progress)
-    if profile is None:
-        return None
-    return float(profile.brightness(1.0)) if profile.is_strong else 1.0
-
-
-def light_of(
-    capture: Capture, pool: ThreadPoolExecutor, progress: Progress = silent
-) -> LightProfile | None:
-    """The light of a capture, by some of its frames; None where they are too few to tell."""
-    return fitted(_changes_of(capture, pool, progress))
+    if bands is None:
+        return Light(fitted(places), 0.0)
+    places = _changes_of(Steady(capture, bands), pool, progress)  # what bands have hidden
+    return Light(fitted(places), bands)
 
 
 def _changes_of(
