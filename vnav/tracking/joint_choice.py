@@ -2,8 +2,9 @@
 
 A frame is tracked when nothing is known of those after it. Where things repeat themselves, pixels
 may leave two of its motions open, and the one taken makes the next that goes on as likely. What
-comes after tells: a track that slid by a book has to stop. Source: Viterbi 1967, "Error bounds for
-convolutional codes and an asymptotically optimum decoding algorithm".
+comes after tells: a track that slid by a book has to stop. Source: Baum, Petrie, Soules and Weiss
+1970, "A maximization technique occurring in the statistical analysis of probabilistic functions of
+Markov chains": the probability of each motion given all frames, forwards and backwards.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -15,9 +16,10 @@ import numpy as np
 from vnav.core import se3
 from vnav.core.arrays import Array
 from vnav.core.frame import Edge
-from vnav.registration.judge import CLEAR
 from vnav.tracking.motion import PastStep
 from vnav.tracking.pose_choice import Rivals
+
+SURE = 0.99  # probability by all frames, of a motion that another was taken for
 
 
 @dataclass(frozen=True)
@@ -54,21 +56,17 @@ def chosen_together(
 
 
 def _rechosen(chain: Sequence[_RivalStep]) -> Iterator[tuple[int, Edge]]:
-    """Edges to frames, by rows, in the place of those taken, where these are far less likely.
+    """Edges to frames, by rows, that are sure, in the place of those taken.
 
-    None where no motion follows it: nothing tells then that one was mistaken.
+    None from which on all are others than those taken: nothing tells then that these were mistaken.
     """
-    best = _likeliest(chain)
-    for first, end in _stretches(best):
-        around = slice(max(first - 1, 0), end + 1)
-        log_odds = _log_score(chain[around], best[around], first == 0)
-        log_odds -= _log_score(chain[around], [0] * len(best[around]), first == 0)
-        if end == len(chain) or log_odds < CLEAR:
-            continue
-        p = 1 / (1 + float(np.exp(-log_odds)))
-        for step, k in zip(chain[first:end], best[first:end], strict=True):
-            chosen = step.rivals.estimates[k]
-            yield step.row, Edge(step.rivals.target, step.row, chosen.T_a_b, chosen.information, p)
+    found = _probabilities(chain)
+    best = np.array([p.argmax() if p.max() >= SURE else 0 for p in found])
+    last_taken = int(np.flatnonzero(best == 0).max(initial=-1))
+    for n in np.flatnonzero(best[: last_taken + 1]).tolist():
+        step, k = chain[n], int(best[n])
+        chosen, p = step.rivals.estimates[k], float(found[n][k])
+        yield step.row, Edge(step.rivals.target, step.row, chosen.T_a_b, chosen.information, p)
 
 
 def _chains(rivals: Mapping[int, Rivals | None], stamps_s: Array) -> Iterator[list[_RivalStep]]:
@@ -86,17 +84,17 @@ def _chains(rivals: Mapping[int, Rivals | None], stamps_s: Array) -> Iterator[li
         yield chain
 
 
-def _likeliest(chain: Sequence[_RivalStep]) -> list[int]:
-    """Which of its rivals each step takes on the likeliest way through all."""
-    score, before = chain[0].rivals.log_odds, list[Array]()
-    for last, step in pairwise(chain):
-        to = _log_going_on(last, step) + score
-        before.append(to.argmax(1))
-        score = to.max(1) + step.rivals.log_odds
-    path = [int(score.argmax())]
-    for came_from in reversed(before):
-        path.append(int(came_from[path[-1]]))
-    return path[::-1]
+def _probabilities(chain: Sequence[_RivalStep]) -> list[Array]:
+    """Of the rivals of each step (C,), by all steps before and after it."""
+    seen = [step.rivals.log_odds for step in chain]
+    links = [_log_going_on(last, step) for last, step in pairwise(chain)]
+    before, after = [np.zeros(len(seen[0]))], [np.zeros(len(seen[-1]))]
+    for n, link in enumerate(links):
+        before.append(np.logaddexp.reduce(link + before[-1] + seen[n], axis=1))
+    for n, link in reversed(list(enumerate(links, 1))):
+        after.append(np.logaddexp.reduce(link.T + after[-1] + seen[n], axis=1))
+    logs = [np.sum(of_step, axis=0) for of_step in zip(before, seen, after[::-1], strict=True)]
+    return [np.exp(log - np.logaddexp.reduce(log)) for log in logs]
 
 
 def _log_going_on(last: _RivalStep, step: _RivalStep) -> Array:
@@ -110,17 +108,3 @@ def _log_going_on(last: _RivalStep, step: _RivalStep) -> Array:
         for e in step.rivals.estimates
     ]
     return np.log(likely)
-
-
-def _stretches(path: Sequence[int]) -> Iterator[tuple[int, int]]:
-    """First and end of each stretch that does not take the first rivals."""
-    edges = np.flatnonzero(np.diff([0, *(k > 0 for k in path), 0]))
-    yield from zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True)
-
-
-def _log_score(chain: Sequence[_RivalStep], path: Sequence[int], begins: bool) -> float:
-    """Of the steps of a chain after the first, and of the first if it ``begins`` one."""
-    score = float(chain[0].rivals.log_odds[path[0]]) if begins else 0.0
-    for (last, step), (b, c) in zip(pairwise(chain), pairwise(path), strict=True):
-        score += float(step.rivals.log_odds[c] + _log_going_on(last, step)[c, b])
-    return score
