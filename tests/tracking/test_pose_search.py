@@ -188,6 +188,28 @@ def test_motions_from_the_newest_frame_are_told_with_what_its_pixels_say_of_them
     assert rivals.log_odds[0] == 0
 
 
+def test_a_rival_is_no_likelier_than_all_targets_say(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The newest prefers it by two standard deviations, the one before refutes it by five."""
+
+    def says(_choice: PoseChoice, target: Target) -> PixelEvidence:
+        z = -2.0 if target.row == 1 else 5.0
+        favour = np.array([[0, z, 9], [-z, 0, 9], [-9, -9, 0]])
+        return PixelEvidence(favour, np.ones((3, 3)), np.zeros(2))
+
+    monkeypatch.setattr(PoseChoice, "_judged", says)
+    frames = [tracked(view([WALL], x, seed=k, index=k)) for k, x in enumerate((0.0, 0.1, 0.2))]
+    targets = [Target(frames[1], at(0.1)), Target(frames[0], at(0.0))]
+    choice = PoseChoice(targets, frames[2].image, CONFIG.registration)
+    inliers = np.zeros((100, 2), np.int32)
+    for target, x in zip(targets, (0.1, 0.2), strict=True):
+        both = [PoseEstimate(at(x + aside), np.eye(6), inliers, 100) for aside in (0.0, PERIOD_M)]
+        choice.add(target, both)
+    choice.judge()
+    rivals = choice.result().rivals
+    assert rivals is not None
+    assert rivals.log_odds[1] < -3
+
+
 def test_what_pixels_clearly_refute_is_no_rival() -> None:
     rivals = found([[WALL]] * 3, [NOW_M + 0.01, NOW_M - PERIOD_M]).rivals
     assert rivals is not None

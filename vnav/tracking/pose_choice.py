@@ -104,7 +104,8 @@ class Target:
 class Rivals:
     """Motions from one frame, the ``target`` by its row, to the places where the next may be.
 
-    ``log_odds`` (C,): of each over the first, by the pixels of the two frames alone.
+    ``log_odds`` (C,): of each over the first, by the pixels of the two frames, or of all targets
+    where these say less: a slide before may have put the others in the wrong place.
     """
 
     target: int
@@ -156,7 +157,7 @@ class PoseChoice:
         self._log_prior = log_prior
         self._poses: list[_Pose] = []
         self._probabilities = self._refuting = np.zeros(0)
-        self._by_newest = np.zeros((0, 0))  # log-odds of the poses, and of none, by that target
+        self._log_odds = np.zeros((0, 0))  # of each pose over each, by the newest target and all
 
     @property
     def poses(self) -> list[Array]:
@@ -212,9 +213,9 @@ class PoseChoice:
         if len(self._probabilities) == len(self._poses):
             return
         evidence = [self._judged(target) for target in self._targets]
-        self._by_newest = evidence[0].log_odds
         log_prior = np.array([self._log_prior(T) for T in self.poses])
         of_all = reduce(add, evidence)
+        self._log_odds = np.minimum(evidence[0].log_odds, of_all.log_odds)
         self._probabilities, self._refuting = of_all.posterior(log_prior), of_all.refuting
 
     def _judged(self, target: Target) -> PixelEvidence:
@@ -257,7 +258,7 @@ class PoseChoice:
 
     def _rivals(self, best: int) -> Rivals | None:
         """Motions from the newest target to the best pose, and to those not far less likely."""
-        row, log_odds = self._targets[0].row, self._by_newest[:, best]
+        row, log_odds = self._targets[0].row, self._log_odds[:, best]
         if row not in self._poses[best].motions:
             return None
         others = [k for k, p in enumerate(self._poses) if k != best and row in p.motions]
