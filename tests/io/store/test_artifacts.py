@@ -84,7 +84,7 @@ def odometry(keyframes: int = 2, edge_count: int = 2) -> Odometry:
         ("", "", "expected an image in 'rgb/2.png', found none", ""),
         edges(edge_count),
         tuple(keyframe(row, 7 - row) for row in range(keyframes)),
-        light=np.array([[1, 0], [0.3, 0.01]], np.float32),
+        light=np.array([[1, 0, 0], [0.3, 0.01, 2.5]], np.float32),
     )
 
 
