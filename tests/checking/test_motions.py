@@ -111,25 +111,35 @@ def a_period_on(poses: np.ndarray) -> np.ndarray:
 def test_what_repeats_and_is_taken_for_moving_is_seen_to_stand(poses: np.ndarray) -> None:
     """By a track that is wrong by a period a step, as that by which it was masked."""
     for track in (poses, a_period_on(poses)):
-        steps = standing_steps(ROWS, track, alike, lambda _: lower_part(0.6), CONFIG)
+        steps = standing_steps(ROWS, STEPS, track, alike, lambda _: lower_part(0.6), CONFIG)
         assert steps == [(0, 1), (1, 2), (2, 3)]
 
 
 def test_what_moves_on_most_of_the_view_is_seen_to_move(poses: np.ndarray) -> None:
     """The wall goes by a period a step, and is unlike itself."""
-    moves = standing_steps(ROWS, a_period_on(poses), unlike, lambda _: lower_part(0.6), CONFIG)
+    moves = standing_steps(
+        ROWS, STEPS, a_period_on(poses), unlike, lambda _: lower_part(0.6), CONFIG
+    )
     assert moves == []
 
 
 def test_what_is_masked_on_half_of_the_view_may_stand(poses: np.ndarray) -> None:
     """As people do who go on later."""
-    assert standing_steps(ROWS, poses, unlike, lambda _: lower_part(0.5), CONFIG) == []
+    assert standing_steps(ROWS, STEPS, poses, unlike, lambda _: lower_part(0.5), CONFIG) == []
 
 
 def test_two_steps_with_most_of_the_view_masked_are_no_doubt(poses: np.ndarray) -> None:
-    assert standing_steps(ROWS[:3], poses[:3], unlike, lambda _: lower_part(0.6), CONFIG) == []
+    assert (
+        standing_steps(ROWS[:3], STEPS, poses[:3], unlike, lambda _: lower_part(0.6), CONFIG) == []
+    )
 
 
 def test_keyframes_without_a_pose_tell_nothing_of_masks(poses: np.ndarray) -> None:
     poses[3] = np.nan
-    assert standing_steps(ROWS, poses, unlike, lambda _: lower_part(0.6), CONFIG) == []
+    assert standing_steps(ROWS, STEPS, poses, unlike, lambda _: lower_part(0.6), CONFIG) == []
+
+
+def test_no_step_with_most_masked_leads_over_a_cut(poses: np.ndarray) -> None:
+    """Two are left, of the three that make a doubt."""
+    steps = standing_steps(ROWS, STEPS[:2], poses, alike, lambda _: lower_part(0.6), CONFIG)
+    assert steps == []

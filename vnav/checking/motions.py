@@ -4,7 +4,7 @@ Where places look the same, many loops are false, and a good map turns them down
 better motion in the loop than in the map. A map that is wrong turns down loops that are right.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -35,15 +35,11 @@ def unborne_steps(
     follow each other where no ``motions`` of odometry lead on, as where a recording was cut and an
     earlier place found again; nor without a pose.
     """
-    posed = np.isfinite(T_world_camera[:, 0, 0])
-    steps = zip(rows[:-1].tolist(), rows[1:].tolist(), strict=True)
-    found = []
-    for step in shortest_paths(motions, [(i, j) for i, j in steps if posed[i] and posed[j]]):
-        i, j = step.i, step.j
-        T_i_j = se3.inverse(T_world_camera[i]) @ T_world_camera[j]
-        if judge(seen(i), seen(j), [T_i_j], config).log_odds[0, -1] < CLEAR:
-            found.append((i, j))
-    return found
+    return [
+        (i, j)
+        for i, j, T_i_j in _steps(rows, motions, T_world_camera)
+        if judge(seen(i), seen(j), [T_i_j], config).log_odds[0, -1] < CLEAR
+    ]
 
 
 def contradicting_loops(
@@ -67,6 +63,7 @@ def contradicting_loops(
 
 def standing_steps(
     rows: NDArray[np.intp],
+    motions: Sequence[Edge],
     T_world_camera: Array,
     whole: Seen,
     moving: Callable[[int], NDArray[np.bool_]],
@@ -76,18 +73,26 @@ def standing_steps(
 
     A track that is wrong contradicts what it saw a while ago, and takes all of that for moving.
     From one keyframe to the next it stands still all the same, where things repeat themselves.
-    ``rows`` (K,) of the keyframes, ``T_world_camera`` (N, 4, 4) of all frames; ``whole``: with what
-    moves; ``moving``: which blocks (h, w) do.
+    Arguments as for `unborne_steps`; ``whole``: keyframes with what moves; ``moving``: which blocks
+    (h, w) of one do.
     """
-    posed = rows[np.isfinite(T_world_camera[rows, 0, 0])].tolist()
     found, moved, borne_out = [], 0, 0
-    for i, j in zip(posed[:-1], posed[1:], strict=True):
+    for i, j, T_i_j in _steps(rows, motions, T_world_camera):
         moves = moving(j)
         if moves.mean() <= MOST:
             continue
-        T_i_j = se3.inverse(T_world_camera[i]) @ T_world_camera[j]
         found.append((i, j))
         moved += int(moves.sum())
         borne_out += int((moves & refuted(whole(i), whole(j), T_i_j, config)).sum())
     is_seen = borne_out >= SEEN_MOVING * moved
     return [] if is_seen or len(found) < LEAST_STANDING else found
+
+
+def _steps(
+    rows: NDArray[np.intp], motions: Sequence[Edge], T_world_camera: Array
+) -> Iterator[tuple[int, int, Array]]:
+    """Rows of keyframes that follow each other by odometry, and the map's motion (4, 4) between."""
+    posed = np.isfinite(T_world_camera[:, 0, 0])
+    pairs = zip(rows[:-1].tolist(), rows[1:].tolist(), strict=True)
+    for step in shortest_paths(motions, [(i, j) for i, j in pairs if posed[i] and posed[j]]):
+        yield step.i, step.j, se3.inverse(T_world_camera[step.i]) @ T_world_camera[step.j]

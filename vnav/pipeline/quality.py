@@ -181,7 +181,8 @@ def _standing(
         blocks = load_keyframe_blocks(folder, row)
         return np.zeros((1, 1), bool) if blocks is None else blocks
 
-    return standing_steps(odometry.keyframe_rows, T_world_camera, whole, moving, config)
+    steps = odometry.keyframe_rows, odometry.motions, T_world_camera
+    return standing_steps(*steps, whole, moving, config)
 
 
 def _sensor_errors(optimised: dict[str, Any], captures: int) -> list[SensorErrors]:
