@@ -19,6 +19,7 @@ BANDS = np.arange(15, 81) / 10  # over the height of the image, that are looked 
 TOLD = 0.5  # share of the changes of brightness that bands must explain, in the mean
 STRONG = 0.02  # of a logarithm of brightness: bands that are weaker harm nothing
 MOST_CHANGE = 0.3  # of a logarithm: more is no band, but another surface
+SINGULAR = 1e-10  # of the largest eigenvalue: by a camera that rests, both frames tell the same
 COLUMNS = 64  # of the image whose rows are averaged
 DARKEST = 8.0  # grey levels, which count for more where it is darker
 SLOW = 4  # powers of the row that follow what is bright above and below
@@ -32,8 +33,8 @@ def bands_of(places: Sequence[Changed]) -> float | None:
     pairs = [pair for place in places for pair in place]
     if len([place for place in places if len(place)]) < LEAST_PLACES:
         return None
-    told = np.array([[_explained(pair, float(bands)) for bands in BANDS] for pair in pairs])
-    explained, swing = told[..., 0].mean(0), np.median(told[..., 1], axis=0)
+    told = np.array([_explained(pair) for pair in pairs])
+    explained, swing = told[:, 0].mean(0), np.median(told[:, 1], axis=0)
     best = int(explained.argmax())
     if explained[best] < TOLD or swing[best] < STRONG:
         return None
@@ -57,18 +58,21 @@ def without_bands(color: NDArray[np.uint8], bands: float) -> NDArray[np.uint8]:
     return np.asarray(cv2.multiply(np.asarray(color), whole, dtype=cv2.CV_8U))
 
 
-def _explained(pair: Changes, bands: float) -> tuple[float, float]:
-    """Share of the changes of two frames that bands explain, and by how much these change."""
+def _explained(pair: Changes) -> Array:
+    """By each of `BANDS`: share of the changes of two frames that it explains, its swing (2, B)."""
     off = pair.log_ratio - np.median(pair.log_ratio)
     change = np.clip(off, -MOST_CHANGE, MOST_CHANGE)
-    waves = np.hstack([_wave(pair.y_a, bands), _wave(pair.y_b, bands)])
-    fitted = waves @ np.linalg.lstsq(waves, change, rcond=None)[0]
+    waves = np.concatenate([_wave(y, BANDS[:, None]) for y in (pair.y_a, pair.y_b)], -1)
+    across = waves.transpose(0, 2, 1)
+    inverse = np.linalg.pinv(across @ waves, rcond=SINGULAR, hermitian=True)
+    fitted = np.squeeze(waves @ inverse @ (across @ change)[..., None], -1)
     power = float(change @ change)
-    left = float(((change - fitted) ** 2).sum())
-    return (1 - left / power if power > 0 else 0.0), float(fitted.std())
+    left = ((change - fitted) ** 2).sum(1)
+    explained = 1 - left / power if power > 0 else np.zeros(len(BANDS))
+    return np.stack([explained, fitted.std(1)])
 
 
-def _wave(y: Array, bands: float) -> Array:
-    """Cosine and sine (N, 2) of a wave at shares y (N,) of the image's height."""
+def _wave(y: Array, bands: Array | float) -> Array:
+    """Cosine and sine (..., N, 2) of waves at shares y (N,) of the image's height."""
     angle = 2 * np.pi * bands * y
-    return np.stack([np.cos(angle), np.sin(angle)], 1)
+    return np.stack([np.cos(angle), np.sin(angle)], -1)
