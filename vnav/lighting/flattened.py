@@ -99,7 +99,7 @@ def flattened(
         capture, taken_off[0, 2] = Steady(capture, light.bands), light.bands
     if light.profile is not None and light.profile.is_strong:
         capture = Flattened(capture, light.profile)
-        taken_off[0, :2] = light.profile.brightness(1.0), light.profile.sigma(1.0)
+        taken_off[0, :2] = light.corners, light.profile.sigma(1.0)
     return capture, taken_off
 
 

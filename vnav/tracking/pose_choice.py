@@ -117,7 +117,7 @@ class Rivals:
 class ChosenMotions:
     """Motions to the best pose, and to the next if that is about as good; with probabilities.
 
-    ``rivals``: all from the newest target that lead anywhere, that to the best pose first.
+    ``rivals``: those from the newest target, that to the best pose first; None where it has none.
     """
 
     estimates: Motions = field(default_factory=dict)

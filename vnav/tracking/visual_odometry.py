@@ -209,11 +209,9 @@ class VisualOdometry:
     def _record(self, row: int, choice: ChosenMotions, dense: dict[int, DenseEstimate]) -> bool:
         """Keep a frame's edges, and its pose for the next; True where all are degenerate."""
         constrained = {i: e for i, e in dense.items() if e.well_constrained}
-        edges = [*_edges(row, choice.estimates), *_edges(row, constrained)]
-        self._alternatives[row] = _edges(row, choice.alternatives)
-        self._rivals[row] = choice.rivals
-        degenerate = [] if constrained else _edges(row, dense)
-        self._edges[row] = edges
+        self._keep(row, choice)
+        self._edges[row] += _edges(row, constrained)
+        edges, degenerate = self._edges[row], [] if constrained else _edges(row, dense)
         self._degenerate_edges += degenerate
         found = {e.i: e.T_i_j for e in edges or degenerate}
         self._motion.update(row, found, choice.probability)
@@ -232,9 +230,13 @@ class VisualOdometry:
     def _take(self, found: Iterable[tuple[int, ChosenMotions]]) -> None:
         """Give frames the edges that later masks leave."""
         for row, choice in found:
-            self._edges[row] = _edges(row, choice.estimates)
-            self._alternatives[row] = _edges(row, choice.alternatives)
-            self._rivals[row] = choice.rivals
+            self._keep(row, choice)
+
+    def _keep(self, row: int, choice: ChosenMotions) -> None:
+        """A frame's motions by features, in the place of any before."""
+        self._edges[row] = _edges(row, choice.estimates)
+        self._alternatives[row] = _edges(row, choice.alternatives)
+        self._rivals[row] = choice.rivals
 
     def _is_keyframe(self, current: TrackedFrame, estimates: Motions) -> bool:
         """By motion and shared view; also where the last keyframe is out of sight."""
