@@ -1,4 +1,4 @@
-"""What numba compiles is announced, once, and not where it comes from the cache."""
+"""Machine code: when numba is loaded, what it says, where its code is kept."""
 
 import os
 import subprocess
@@ -42,6 +42,7 @@ def run(program: str, folder: Path, cache: Path) -> "subprocess.CompletedProcess
         text=True,
         capture_output=True,
         check=True,
+        timeout=120,
     )
 
 
@@ -50,6 +51,30 @@ def test_compiling_is_announced_once_and_not_again_from_the_cache(tmp_path: Path
     said = [run(PROGRAM, tmp_path, tmp_path / "cache").stderr for _ in range(2)]
     assert said[0].count("compiling, once") == 1
     assert said[1] == ""
+
+
+def test_numba_is_loaded_by_the_first_call(tmp_path: Path) -> None:
+    (tmp_path / "loops.py").write_text(LOOPS)
+    program = (
+        "import sys, loops; print('numba' in sys.modules, loops.twice(2), 'numba' in sys.modules)"
+    )
+    assert run(program, tmp_path, tmp_path / "cache").stdout.split() == ["False", "4", "True"]
+
+
+AT_ONCE = """
+from concurrent.futures import ThreadPoolExecutor
+import loops
+from vnav.compiled import load_compiler
+
+with ThreadPoolExecutor(3) as pool:
+    pool.submit(load_compiler)
+    print(*pool.map(lambda f: f(2), [loops.twice, loops.half, loops.twice, loops.half]))
+"""
+
+
+def test_first_calls_by_several_threads_wait_for_one_another(tmp_path: Path) -> None:
+    (tmp_path / "loops.py").write_text(LOOPS)
+    assert run(AT_ONCE, tmp_path, tmp_path / "cache").stdout.split() == ["4", "1.0", "4", "1.0"]
 
 
 COLORAMA = """

@@ -14,7 +14,7 @@ from vnav.cli.main import cli
 
 HEAVY = {
     *("open3d", "sklearn", "gtsam", "octomap", "matplotlib", "numba", "cv2"),
-    *("scipy.linalg", "scipy.sparse"),
+    *("scipy.linalg", "scipy.ndimage", "scipy.sparse"),
 }
 
 PROBE = """

@@ -7,8 +7,8 @@ better than those of its own, while the camera moves.
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+import cv2
 import numpy as np
-from scipy.ndimage import uniform_filter1d
 
 from vnav.checking.depth_edges import depth_edges
 from vnav.checking.depth_shift import WIDENED, EdgeProfiles, draws, profiles_across
@@ -79,5 +79,6 @@ def _best(meeting: Array) -> int:
 def _meeting(sums: Array, counts: Array, reach: int) -> Array:
     """How much of colour's steps lies at one place beside the edges of depth, by lag (2 R + 1,)."""
     profiles = sums.sum(0) / np.maximum(counts.sum(0), 1)[..., None]
-    near = uniform_filter1d(profiles, reach, axis=-1, mode="nearest")
+    rows = profiles.reshape(-1, profiles.shape[-1])
+    near = cv2.blur(rows, (reach, 1), borderType=cv2.BORDER_REPLICATE).reshape(profiles.shape)
     return np.asarray(near.max(-1).sum(-1))

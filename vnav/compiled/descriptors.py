@@ -1,13 +1,9 @@
 """Distances between descriptors, as `DescriptorSpace.comparable` gives them."""
 
 from collections.abc import Callable
-from importlib import import_module
 from typing import Any
 
 import numpy as np
-from numba import types
-from numba.extending import overload
-from numba.np import linalg
 from numpy.typing import NDArray
 
 from vnav.compiled import compiled
@@ -18,27 +14,10 @@ def squared_distance(a: NDArray[Any], b: NDArray[Any]) -> float:
     raise NotImplementedError
 
 
-def load_compiled() -> None:
-    """What the first call of anything compiled does: load numba's library, a third of a second.
-
-    But for scipy.linalg, a fifth: numba looks whether it is there, and needs it for products of
-    matrices only, which load it when they run.
-    """
-    looks, linalg.ensure_blas = linalg.ensure_blas, lambda: None
-    try:
-        import_module("numba.np.arraymath")
-    finally:
-        linalg.ensure_blas = looks
-    _of_bytes(np.zeros(1, np.uint8), np.zeros(1, np.uint8))
-
-
-@overload(squared_distance)  # type: ignore[untyped-decorator]
-def _by_type(a: Any, b: Any) -> Any:
-    of: dict[types.Type, Callable[..., Any]] = {
-        types.uint8: _of_bytes,
-        types.uint64: _differing_bits,
-    }
-    implementation = of.get(a.dtype, _of_floats)
+def by_type(a: Any, b: Any) -> Callable[..., Any]:
+    """What stands in compiled code for `squared_distance` of arrays of such types."""
+    of: dict[str, Callable[..., Any]] = {"uint8": of_bytes, "uint64": _differing_bits}
+    implementation = of.get(str(a.dtype), _of_floats)
 
     def of_type(a: Any, b: Any) -> Any:
         return implementation(a, b)
@@ -47,7 +26,7 @@ def _by_type(a: Any, b: Any) -> Any:
 
 
 @compiled
-def _of_bytes(a: NDArray[np.uint8], b: NDArray[np.uint8]) -> int:
+def of_bytes(a: NDArray[np.uint8], b: NDArray[np.uint8]) -> int:
     """Exact; without a way out of the loop, so that it is done many bytes at a time."""
     total = np.int32(0)
     for d in range(len(a)):

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from vnav.compiled.descent import descend
 from vnav.core.arrays import Floats, frozen
 from vnav.core.descriptor_space import DescriptorSpace
 from vnav.core.map_index import ranges
@@ -83,8 +84,6 @@ class VocabularyTree:
         """
         if self.paths_followed > 1:
             return self._paths_to(self.nearest_leaves(descriptors, self.paths_followed)[:, 0])
-        from vnav.compiled.descent import descend  # numba: only where a word is asked for
-
         centres, asked = map(self.space.comparable, (self.centres, descriptors))
         paths = np.zeros((len(asked), self.levels + 1), np.int32)
         descend(asked, centres, self.first_child, self.children, paths)

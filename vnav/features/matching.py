@@ -10,6 +10,8 @@ from numpy.typing import NDArray
 from vnav.config import RegistrationConfig
 from vnav.core.arrays import Floats, Rows
 from vnav.core.frame import Features
+from vnav.features.bit_matching import two_nearest_bits
+from vnav.features.guided_matching import match_guided
 
 TwoNearest = Callable[[NDArray[Any], NDArray[Any]], tuple[Rows, NDArray[Any], NDArray[Any]]]
 FULLEST = 3  # bins of turns that are kept
@@ -31,8 +33,6 @@ class DescriptorMatcher:
         self, a: Features, b: Features, predicted_px: NDArray[np.float64], radius_px: float
     ) -> NDArray[np.int32]:
         """Rows (M, 2) that pass the ratio test close to their predicted places (A, 2) in b."""
-        from vnav.features.guided_matching import match_guided  # numba: only where it is used
-
         limit = self._config.max_distance * a.space.typical
         found = match_guided(a, b, predicted_px, radius_px, self._config.ratio, limit)
         return turned_alike(a, b, found, self._config.rotation_bins)
@@ -81,8 +81,6 @@ def _comparison(a: Features, b: Features) -> tuple[TwoNearest, NDArray[Any], NDA
     space = a.space
     if not space.packed:
         return _two_nearest_vectors, space.vectors(a.descriptors), space.vectors(b.descriptors)
-    from vnav.features.bit_matching import two_nearest_bits  # numba: only where it is used
-
     return two_nearest_bits, space.comparable(a.descriptors), space.comparable(b.descriptors)
 
 

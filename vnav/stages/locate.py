@@ -5,11 +5,10 @@ import logging
 import os
 import time
 from collections.abc import Iterable, Iterator
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import cached_property, partial
 from pathlib import Path
-from threading import Thread
 from typing import Any
 
 import cv2
@@ -17,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vnav.checking.quality import BLURRED, DARK, blur
-from vnav.compiled.descriptors import load_compiled
+from vnav.compiled import load_compiler
 from vnav.config import Config, FeaturesConfig, LocateConfig, updated
 from vnav.core.camera import Intrinsics, PhotoCamera
 from vnav.core.frame import Features, Frame
@@ -69,7 +68,7 @@ class Locator:
     """
 
     folder: MapFolder
-    database: LandmarkDatabase
+    loading: Future[LandmarkDatabase]
     map_cameras: tuple[Intrinsics, ...]
     features: FeaturesConfig
     config: Config
@@ -77,14 +76,24 @@ class Locator:
 
     @classmethod
     def open(cls, folder: MapFolder, config: Config, camera: PhotoCameraSource = None) -> "Locator":
-        """Load what is needed of a map; StaleArtifact where it has no index."""
-        Thread(target=load_compiled).start()  # while the index is read and features are found
-        tree = load_tree(folder)
-        database = LandmarkDatabase(load_index(folder, tree), tree)
+        """Begin to load what is needed of a map; StaleArtifact where it has no index.
+
+        Features of the first photo are found meanwhile.
+        """
+        folder.stage("index")
+        pool = ThreadPoolExecutor(2)
+        pool.submit(load_compiler)
+        loading = pool.submit(_database, folder)
+        pool.shutdown(wait=False)
         cameras = tuple(recorded_camera(folder, k) for k in range(len(folder.captures)))
         recorded = {"features": folder.settings("odometry")["features"]}
         features = updated(Config(), recorded, f"the stage odometry of {folder.root}").features
-        return cls(folder, database, cameras, features, config, camera)
+        return cls(folder, loading, cameras, features, config, camera)
+
+    @property
+    def database(self) -> LandmarkDatabase:
+        """The map's landmarks and tree, once they are loaded; MapError where they are damaged."""
+        return self.loading.result()
 
     @one_blas_thread
     def locate(
@@ -161,6 +170,11 @@ class Locator:
         """The camera of a capture whose images have this size, else the first's."""
         same = [camera for camera in self.map_cameras if camera.size == size]
         return (same or self.map_cameras)[0]
+
+
+def _database(folder: MapFolder) -> LandmarkDatabase:
+    tree = load_tree(folder)
+    return LandmarkDatabase(load_index(folder, tree), tree)
 
 
 def locate(
