@@ -18,7 +18,7 @@ from vnav.core.mapping import FrameFeatures
 from vnav.registration.correspondences import Correspondences, ImagesInBlocks
 from vnav.registration.estimators import estimator
 from vnav.registration.far_features import RADIUS_PX, count_without_depth, points
-from vnav.registration.two_motions import two_motions
+from vnav.registration.two_motions import finer_motions
 
 TWINS_SOUGHT = 64  # of the matches that agree, evenly spread over them
 FITTING_SIGMAS = 6.0  # that a match may be off a pose that is predicted, and not measured
@@ -272,26 +272,28 @@ class PointRegistration:
         b: FrameFeatures,
         rng: np.random.Generator,
     ) -> list[PoseEstimate]:
-        """Motions, each followed by those of two parts of its matches where it is one between."""
-        return [e for whole in found for e in (whole, *self._parts(whole, a, b, rng))]
+        """Motions, each with those that it mixes, or the one in its place."""
+        return [e for whole in found for e in self._parts(whole, a, b, rng)]
 
     def _parts(
         self, whole: PoseEstimate, a: FrameFeatures, b: FrameFeatures, rng: np.random.Generator
     ) -> list[PoseEstimate]:
-        """The two motions that one mixes, each by the matches that it is nearer to.
+        """A motion and the two that it mixes, or in its place that of most of its matches.
 
         What moves little from frame to frame agrees with what stands still, but for a few pixels.
+        Of two each has the matches that it is nearer to.
         """
         every = max(1, ceil(len(whole.inliers) / FINELY_ASKED))  # of far features there is none
         of, asked = partial(self._correspondences, a, b), whole.inliers[::every]
-        motions = two_motions(of, asked, whole.T_a_b, rng)
+        motions = finer_motions(of, asked, whole.T_a_b, rng)
         if not motions:
-            return []
+            return [whole]
         nearest = np.argmin([of(whole.inliers).squared(T) for T in motions], 0)
         refined = [
             self._refined(T, a, b, whole.inliers[nearest == k]) for k, T in enumerate(motions)
         ]
-        return [estimate for estimate in refined if isinstance(estimate, PoseEstimate)]
+        parts = [estimate for estimate in refined if isinstance(estimate, PoseEstimate)]
+        return parts if len(motions) == 1 and parts else [whole, *parts]
 
     def _matched_again(
         self, estimate: PoseEstimate, a: FrameFeatures, b: FrameFeatures

@@ -8,6 +8,8 @@ from vnav.core.arrays import Array
 from vnav.registration.compiled_geometry import MIN_Z_M, Point, exp, inverse, jacobian, transform
 
 CAUCHY_SIGMAS = 2.0
+MEDIAN_CHI_SQUARED = 2.366  # with 3 degrees of freedom
+LEAST_VARIANCE = 0.04  # of residuals, of that assumed: matches of rendered images have as little
 ITERATIONS = 12
 CONVERGED = 1e-5  # rad and m: a tenth of what the best pair of frames can tell
 
@@ -25,20 +27,27 @@ def gauss_newton(
 ) -> tuple[Array, Array, Array]:
     """The refined ``T_a_b``, with the normal matrix (6, 6) and squared residuals (M,) there.
 
+    What counts less is told by the residuals' own variance, where that is less than assumed: few
+    matches of what moves close by would else bend the motion by less than the noise assumed
+    (an M-estimator with its scale: Huber 1981, "Robust Statistics", chapter 7).
+
     ``source`` (M, 3): points in the camera a (forward) or b; ``target`` (M, 3): pixel and inverse
     depth, NaN where there is none, in the other; ``cameras`` (2, 4): fx, fy, cx, cy of a and of b;
     ``variances`` (3,) of pixel and inverse depth, ``depth_variances`` (M,) of the source's;
     ``converged``: a step, rad and m, that is the last.
     """
-    T = T_a_b.copy()
+    T, variance = T_a_b.copy(), 1.0
     for _ in range(ITERATIONS):
-        H, g, _ = normal_equations(T, source, target, forward, cameras, variances, depth_variances)
+        H, g, squared = normal_equations(
+            T, source, target, forward, cameras, variances, depth_variances, variance
+        )
+        variance = _variance(squared)
         step = -np.linalg.solve(H + 1e-9 * (1 + np.trace(H)) * np.eye(6), g)
         T = T @ exp(step)
         if np.abs(step).max() < converged:
             break
     H, g, squared = normal_equations(
-        T, source, target, forward, cameras, variances, depth_variances
+        T, source, target, forward, cameras, variances, depth_variances, variance
     )
     return T, H, squared
 
@@ -52,8 +61,12 @@ def normal_equations(
     cameras: Array,
     variances: Array,
     depth_variances: Array,
+    variance: float = 1.0,
 ) -> tuple[Array, Array, Array]:
-    """Normal matrix (6, 6), gradient (6,) and squared residuals (M,) of a motion."""
+    """Normal matrix (6, 6), gradient (6,) and squared residuals (M,) of a motion.
+
+    ``variance``: of residuals, of that assumed; it says which count less.
+    """
     H, g, squared = np.zeros((6, 6)), np.zeros(6), np.full(len(source), np.inf)
     e, S, J = np.empty(3), np.empty((3, 3)), np.empty((3, 6))
     T_b_a = inverse(T_a_b)
@@ -77,10 +90,19 @@ def normal_equations(
         squared[m] = 0.0
         for k in range(size):
             squared[m] += e[k] * e[k]
-        weight = 1 / (1 + squared[m] / CAUCHY_SIGMAS**2)
+        weight = 1 / (1 + squared[m] / (variance * CAUCHY_SIGMAS**2))
         add_rows(H, g, J, e, weight, size)
     mirror(H)
     return H, g, squared
+
+
+@compiled
+def _variance(squared: Array) -> float:
+    """Of residuals, of that assumed, by the median of their squares; 1 at most."""
+    finite = squared[squared < np.inf]
+    if not len(finite):
+        return 1.0
+    return min(1.0, max(LEAST_VARIANCE, np.median(finite) / MEDIAN_CHI_SQUARED))
 
 
 @compiled

@@ -1,8 +1,9 @@
-"""Two motions of which one between them was found, since both are within its threshold.
+"""Motions of which one between them was found, since all their matches are within its threshold.
 
 A door that swings or a box that is carried moves a few pixels from frame to frame, and RANSAC
-takes it for noise. The matches of each of the two agree more finely with one another. How finely
-is read from those that agree best, so that a sensor whose ways look like noise has one motion.
+takes it for noise. So are somebody who passes close by and a room far behind him: a turn with a
+step to the side fits both. The matches of each agree more finely with one another. How finely is
+read from those that agree best, so that a sensor whose ways look like noise has one motion.
 """
 
 from collections.abc import Callable, Sequence
@@ -23,28 +24,39 @@ FINER = 2.5  # times, in variance, that matches fit their own motion than the on
 SIZEABLE = 0.15  # share of the matches that each motion has
 
 
-def two_motions(
+def finer_motions(
     of: Callable[[Matches], Correspondences],
     matches: Matches,
     T_a_b: Array,
     rng: np.random.Generator,
 ) -> list[Array]:
-    """Two motions (4, 4) that one, ``T_a_b``, of matches (M, 2) mixes; empty where it does not.
+    """Motions (4, 4) that one, ``T_a_b``, of matches (M, 2) mixes; empty where it does not.
 
+    Two, each of a sizeable part of the matches, or one of most, to which the others are noise.
     ``of``: what some of the matches measure. Those without depth at either end are not asked.
     """
     asked = matches[of(matches).has_both_depths]
-    left, found = asked, list[Array]()
+    found, measured = _sharp(of, asked, rng), of(asked)
+    if len(found) == 2 and _are_finer(found, T_a_b, measured):
+        return found
+    return [part for part in found[:1] if _is_finer_for_most(part, T_a_b, measured)]
+
+
+def _sharp(
+    of: Callable[[Matches], Correspondences], matches: Matches, rng: np.random.Generator
+) -> list[Array]:
+    """At most two motions (4, 4), each of a sizeable part of matches that agree most closely."""
+    left, found = matches, list[Array]()
     least, limit = max(SAMPLE, SIZEABLE * len(left)), np.inf
     while len(left) >= least and len(found) < 2:
         part, squared = _sharpest(of, left, rng)
         limit = min(limit, _limit(squared))
         fits = squared < limit
         if fits.sum() < least:
-            return []
+            break
         found.append(part)
         left = left[~fits]
-    return found if len(found) == 2 and _are_finer(found, T_a_b, of(asked)) else []
+    return found
 
 
 def _are_finer(parts: Sequence[Array], T_a_b: Array, measured: Correspondences) -> bool:
@@ -52,6 +64,13 @@ def _are_finer(parts: Sequence[Array], T_a_b: Array, measured: Correspondences) 
     whole = measured.squared(T_a_b)
     nearest = np.min([whole, *(measured.squared(T) for T in parts)], 0)
     return bool(whole.mean() > FINER * nearest.mean())
+
+
+def _is_finer_for_most(part: Array, T_a_b: Array, measured: Correspondences) -> bool:
+    """Whether most matches fit a motion so much better than one for all."""
+    own, whole = measured.squared(part), measured.squared(T_a_b)
+    fits = own < _limit(own)
+    return bool(fits.mean() > 0.5 and whole[fits].mean() > FINER * own[fits].mean())
 
 
 def _sharpest(
