@@ -105,6 +105,25 @@ def test_right_closures_that_are_lost_among_wrong_ones_are_found_again(
     assert graph.kept.tolist() == [True] * 9 + [False] * 9
 
 
+def test_right_closures_that_the_initial_poses_bear_out_do_not_lose_to_a_wrong_one(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Which graduated non-convexity may leave alone, where right ones differ by more than noise."""
+    T, rng = walk(2 * LAP), np.random.default_rng(3)
+    edges = [e for e in steps(T, rng) if e.j != LAP]
+    right = [edge(T, k, k + LAP, rng) for k in range(4)]
+    away = Edge(5, LAP + 5, se3.make(np.eye(3), np.array([2.6, 0, 0])), INFORMATION)
+    only_away = np.array([False] * len(right) + [True])
+    monkeypatch.setattr(
+        pose_graph, "_graduated_non_convexity", lambda _, values, n: (values, only_away)
+    )
+    apart, segment = chain(len(T), edges, [0, LAP])
+    initial, _ = align_segments(apart, segment, np.zeros(len(T), np.int32), right)
+    graph = pose_graph.optimise(initial, edges, [*right, away], MAX_SIGMAS)
+    assert graph.kept.tolist() == (~only_away).tolist()
+    assert errors(graph.T_world_camera, T).max() < 0.26  # a tenth of what it is off
+
+
 def test_a_lower_limit_refuses_what_a_higher_one_keeps() -> None:
     # Right closures lie about one sigma off, hardly one of them less than a fifth.
     T, rng = walk(2 * LAP), np.random.default_rng(16)

@@ -44,24 +44,49 @@ def optimise(
 
     Graduated non-convexity with truncated least squares (Yang et al. 2020) over the closures, then
     rejection of any that is still more than ``max_sigmas`` off, then a least-squares fit, again
-    with all that agree with it: among many wrong closures, right ones are lost on the way.
-    ``initial`` (N, 4, 4) may hold NaN for frames that no edge names. Deterministic.
+    with all that agree with it: among many wrong closures, right ones are lost on the way. Where
+    some are rejected, those that the ``initial`` poses bear out are fitted, too, and what costs
+    less counts: right ones that differ by more than their noise may lose to a wrong one that is
+    alone. ``initial`` (N, 4, 4) may hold NaN for frames that no edge names. Deterministic.
     """
     nodes = np.flatnonzero(np.isfinite(initial[:, 0, 0]))
-    values, kept = _values(initial, nodes), np.ones(len(closures), bool)
-    if closures:
-        graph = _graph(initial, nodes, [*edges, *closures])
-        values, kept = _graduated_non_convexity(graph, values, len(closures))
-        kept &= _sigmas(values, closures) <= max_sigmas
+    values, limit = _values(initial, nodes), min(max_sigmas, INLIER_SIGMAS)
+    if not closures:
+        return _settled(initial, edges, closures, values, np.zeros(0, bool), limit)
+    graph = _graph(initial, nodes, [*edges, *closures])
+    robust, kept = _graduated_non_convexity(graph, values, len(closures))
+    kept &= _sigmas(robust, closures) <= max_sigmas
+    found = [_settled(initial, edges, closures, robust, kept, limit)]
+    if not kept.all():
+        kept = _sigmas(values, closures) <= limit
+        found.append(_settled(initial, edges, closures, values, kept, limit))
+    return min(found, key=lambda graph: _truncated_cost(graph, max_sigmas))
+
+
+def _settled(
+    initial: Array,
+    edges: Sequence[Edge],
+    closures: Sequence[Edge],
+    values: Any,
+    kept: NDArray[np.bool_],
+    limit: float,
+) -> PoseGraph:
+    """The least-squares fit of edges and kept closures, again with all that agree with it."""
+    nodes = np.flatnonzero(np.isfinite(initial[:, 0, 0]))
     while True:
         graph = _graph(initial, nodes, [*edges, *compress(closures, kept)])
         before = graph.error(_values(initial, nodes))
         values = gtsam.LevenbergMarquardtOptimizer(graph, values).optimize()
         sigmas = _sigmas(values, closures)
-        agree = kept | (sigmas <= min(max_sigmas, INLIER_SIGMAS))
+        agree = kept | (sigmas <= limit)
         if (agree == kept).all():
             return PoseGraph(_poses(values, initial), kept, sigmas, before, graph.error(values))
         kept = agree
+
+
+def _truncated_cost(graph: PoseGraph, max_sigmas: float) -> float:
+    """Truncated least squares: what is rejected costs as much as the worst that may be kept."""
+    return graph.error_after + 3 * max_sigmas**2 * int((~graph.kept).sum())
 
 
 def check_closures(T_world_camera: Array, closures: Sequence[Edge], max_sigmas: float) -> PoseGraph:
