@@ -58,7 +58,7 @@ def optimise(
     kept &= _sigmas(robust, closures) <= max_sigmas
     found = [_settled(initial, edges, closures, robust, kept, limit)]
     if not kept.all():
-        kept = _sigmas(values, closures) <= limit
+        kept = _sigmas(values, closures) <= max_sigmas
         found.append(_settled(initial, edges, closures, values, kept, limit))
     return min(found, key=lambda graph: _truncated_cost(graph, max_sigmas))
 
