@@ -12,6 +12,7 @@ from vnav.tracking.frame_masks import FrameMasks, SeenFrame
 from vnav.tracking.motion import ConstantVelocity
 from vnav.tracking.pose_choice import ChosenMotions, TrackedFrame
 
+LESS_MASKED = 0.1  # share of a view: from there on, a pose is borne out by what stands still
 SECOND_LOOKS = 2  # at a frame, each without what moves by the motion before
 
 
@@ -30,6 +31,7 @@ class MaskedTracker:
 
         ``choice``: those found with all that it shows.
         """
+        choice = self._less_masked(current, choice)
         still, seen = current, self._look(current, choice)
         for _ in range(SECOND_LOOKS):
             if not seen.moving.any():
@@ -43,6 +45,22 @@ class MaskedTracker:
                 break
         self._seen = seen
         return still, choice
+
+    def _less_masked(self, current: TrackedFrame, choice: ChosenMotions) -> ChosenMotions:
+        """The choice, or the next pose in its place, where that leaves far less that moves.
+
+        Two frames may leave open which it is. By a wrong one, what stands contradicts all views of
+        the seconds before, and would be masked: with it goes what speaks against the pose.
+        """
+        if not choice.alternatives:
+            return choice
+        other = choice.exchanged()
+        masked, less = (self._share(current, each) for each in (choice, other))
+        return other if less < masked - LESS_MASKED else choice
+
+    def _share(self, current: TrackedFrame, choice: ChosenMotions) -> float:
+        """How much of a frame moves where motions take it, 1 where too much does for a mask."""
+        return float(np.nan_to_num(self._look(current, choice).share, nan=1.0))
 
     def redescribed(self, current: TrackedFrame) -> TrackedFrame:
         """The frame that was tracked last, with other features, without those of what moves."""

@@ -127,7 +127,19 @@ class ChosenMotions:
     @property
     def probability(self) -> float:
         """That the motions to the best pose are the camera's; 1 where there are none."""
-        return min((e.probability for e in self.estimates.values()), default=1.0)
+        return _least(self.estimates)
+
+    def exchanged(self) -> "ChosenMotions":
+        """The next pose for the best, as probable as that was, where more than pixels says so."""
+        p, q = _least(self.estimates), _least(self.alternatives)
+        best = {row: replace(e, probability=p) for row, e in self.alternatives.items()}
+        return ChosenMotions(
+            best, {r: replace(e, probability=q) for r, e in self.estimates.items()}
+        )
+
+
+def _least(motions: Motions) -> float:
+    return min((e.probability for e in motions.values()), default=1.0)
 
 
 @dataclass(frozen=True)
