@@ -143,3 +143,12 @@ def test_no_step_with_most_masked_leads_over_a_cut(poses: np.ndarray) -> None:
     """Two are left, of the three that make a doubt."""
     steps = standing_steps(ROWS, STEPS[:2], poses, alike, lambda _: lower_part(0.6), CONFIG)
     assert steps == []
+
+
+def test_steps_with_most_masked_that_do_not_follow_each_other_are_no_doubt() -> None:
+    """Three are, of five; between them less is masked."""
+    rows = np.arange(6)
+    poses = np.stack([aside(k * STEP_M) for k in rows])
+    steps = [Edge(k, k + 1, aside(STEP_M), np.eye(6)) for k in range(5)]
+    masks = {row: lower_part(0.6 if row % 2 else 0.4) for row in rows.tolist()}
+    assert standing_steps(rows, steps, poses, alike, masks.__getitem__, CONFIG) == []

@@ -5,6 +5,7 @@ better motion in the loop than in the map. A map that is wrong turns down loops 
 """
 
 from collections.abc import Callable, Iterator, Sequence
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,7 +20,8 @@ from vnav.registration.judge import CLEAR, judge, refuted
 
 MOST = 0.5  # share of a view that moves: from there on, what stands still is the lesser part
 SEEN_MOVING = 0.2  # of what moves, the share that the images of two keyframes must bear out
-LEAST_STANDING = 3  # steps
+LEAST_STANDING = 3  # steps, one after the other
+MaskedStep = tuple[int, int, Array, NDArray[np.bool_]]  # rows, motion (4, 4), what moves
 
 
 def unborne_steps(
@@ -72,20 +74,24 @@ def standing_steps(
     """Keyframes that follow each other, most of which is taken for moving, but stands, by rows.
 
     A track that is wrong contradicts what it saw a while ago, and takes all of that for moving.
-    From one keyframe to the next it stands still all the same, where things repeat themselves.
-    Arguments as for `unborne_steps`; ``whole``: keyframes with what moves; ``moving``: which blocks
-    (h, w) of one do.
+    From one keyframe to the next it stands still all the same, where things repeat themselves. That
+    goes on step after step; alone, a mask may be too large. Arguments as for `unborne_steps`;
+    ``whole``: keyframes with what moves; ``moving``: which blocks (h, w) of one do.
     """
-    found, moved, borne_out = [], 0, 0
-    for i, j, T_i_j in _steps(rows, motions, T_world_camera):
-        moves = moving(j)
-        if moves.mean() <= MOST:
-            continue
-        found.append((i, j))
-        moved += int(moves.sum())
-        borne_out += int((moves & refuted(whole(i), whole(j), T_i_j, config)).sum())
-    is_seen = borne_out >= SEEN_MOVING * moved
-    return [] if is_seen or len(found) < LEAST_STANDING else found
+    steps = ((i, j, T, moving(j)) for i, j, T in _steps(rows, motions, T_world_camera))
+    found = _in_runs([step for step in steps if step[-1].mean() > MOST])
+    moved = sum(int(moves.sum()) for *_, moves in found)
+    borne_out = sum(
+        int((moves & refuted(whole(i), whole(j), T, config)).sum()) for i, j, T, moves in found
+    )
+    return [] if borne_out >= SEEN_MOVING * moved else [(i, j) for i, j, *_ in found]
+
+
+def _in_runs(steps: Sequence[MaskedStep]) -> list[MaskedStep]:
+    """Those of `LEAST_STANDING` and more that follow each other."""
+    starts = [k for k, step in enumerate(steps) if k == 0 or steps[k - 1][1] != step[0]]
+    runs = (steps[begin:end] for begin, end in pairwise([*starts, len(steps)]))
+    return [step for run in runs if len(run) >= LEAST_STANDING for step in run]
 
 
 def _steps(
