@@ -18,7 +18,7 @@ from vnav.core.mapping import FrameFeatures
 from vnav.registration.correspondences import Correspondences, ImagesInBlocks
 from vnav.registration.estimators import estimator
 from vnav.registration.far_features import RADIUS_PX, count_without_depth, points
-from vnav.registration.two_motions import finer_motions
+from vnav.registration.finer_motions import finer_motions
 
 TWINS_SOUGHT = 64  # of the matches that agree, evenly spread over them
 FITTING_SIGMAS = 6.0  # that a match may be off a pose that is predicted, and not measured

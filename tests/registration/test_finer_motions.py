@@ -1,7 +1,10 @@
 """Motions whose matches one motion between them takes for its own."""
 
+from collections.abc import Callable
+
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from vnav.config import RegistrationConfig
 from vnav.core import se3
@@ -12,8 +15,8 @@ from vnav.core.mapping import FrameFeatures
 from vnav.features.matching import DescriptorMatcher
 from vnav.features.sift import SPACE
 from vnav.registration.correspondences import Correspondences
+from vnav.registration.finer_motions import finer_motions
 from vnav.registration.points3d import PointRegistration
-from vnav.registration.two_motions import finer_motions
 
 CAMERA = Intrinsics(640, 480, 525.0, 525.0, 319.5, 239.5)
 CONFIG = RegistrationConfig()
@@ -53,16 +56,18 @@ def measured(
     return FrameFeatures(0, features, CAMERA.unproject(px, 1 / w))
 
 
-def found(seed: int, moves: float, noise: float, slides: Array = SLIDES) -> list[Array]:
+ALL = np.repeat(np.arange(COUNT, dtype=np.int32)[:, None], 2, 1)
+
+
+def found(seed: int, moves: float, noise: float) -> list[Array]:
     """Beside the one that matches are refined to from between the two."""
     rng = np.random.default_rng(seed)
-    a, b = views(rng, moves, noise, slides)
-    matches = np.repeat(np.arange(COUNT, dtype=np.int32)[:, None], 2, 1)
+    of = measuring(*views(rng, moves, noise))
+    return finer_motions(of, ALL, of(ALL).refined(BETWEEN)[0], rng)
 
-    def of(some: np.ndarray) -> Correspondences:
-        return Correspondences(a, b, some, (CAMERA, CAMERA), CONFIG)
 
-    return finer_motions(of, matches, of(matches).refined(BETWEEN)[0], rng)
+def measuring(a: FrameFeatures, b: FrameFeatures) -> Callable[[NDArray[np.int32]], Correspondences]:
+    return lambda matches: Correspondences(a, b, matches, (CAMERA, CAMERA), CONFIG)
 
 
 def off_m(T_a_b: Array) -> float:
@@ -101,6 +106,16 @@ def test_the_motion_of_the_room_is_among_those_that_a_pair_of_frames_suggests() 
     assert isinstance(suggested, list)
     assert off_m(suggested[0].T_a_b) > 0.2 * SLIDES[0, 3]
     assert min(off_m(e.T_a_b) for e in suggested) < 0.1 * SLIDES[0, 3]
+
+
+def test_of_a_motion_that_few_matches_bend_the_one_of_most_is_told() -> None:
+    """A step to the side with a turn, by which what is 3 m away stays in its place."""
+    bent = STILL @ se3.exp([0, 0.01, 0, -0.03, 0, 0])
+    for seed in range(5):
+        rng = np.random.default_rng(seed)
+        of = measuring(*views(rng, 0.125, SHARP, WALKS, NEAR_M))
+        (motion,) = finer_motions(of, ALL, bent, rng)
+        assert np.linalg.norm((se3.inverse(STILL) @ motion)[:3, 3]) < 0.005
 
 
 NEAR_M, WALKS = 1.2, se3.make(np.eye(3), np.array([-0.026, 0.0, 0.0]))  # 0.8 m/s at 30 Hz
