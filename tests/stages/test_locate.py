@@ -2,6 +2,7 @@ import dataclasses
 import json
 import shutil
 import struct
+from collections.abc import Iterator
 from pathlib import Path
 
 import cv2
@@ -11,7 +12,7 @@ import pytest
 from vnav.config import Config
 from vnav.core import se3
 from vnav.core.camera import Intrinsics
-from vnav.errors import PhotoError
+from vnav.errors import MapError, PhotoError
 from vnav.io.formats.trajectories import read_tum
 from vnav.io.store.artifacts import load_optimised
 from vnav.io.store.map_folder import MapFolder
@@ -390,3 +391,16 @@ def test_the_maps_own_feature_settings_are_used(folder: MapFolder, locator: Loca
     recorded = folder.settings("odometry")["features"]
     used = dataclasses.asdict(locator._front_end._config)
     assert used == recorded | {"max_features": Config().locate.max_features}
+
+
+def test_a_damaged_index_is_told_before_the_first_photo_comes(
+    folder: MapFolder, tmp_path: Path
+) -> None:
+    def never() -> Iterator[Path]:
+        raise AssertionError("a photo was asked for")
+        yield
+
+    damaged = MapFolder(shutil.copytree(folder.root, tmp_path / "map"))
+    (damaged.root / "index" / "index.npz").write_bytes(b"PK")
+    with pytest.raises(MapError, match="index.npz"):
+        next(locate_each(Locator.open(damaged, Config()), never()))

@@ -193,8 +193,10 @@ def locate_each(
 ) -> Iterator[PhotoAnswer | UnreadablePhoto]:
     """The answer to each photo before the next is asked for; those being written are waited for.
 
-    ``sequence``: they are taken one after the other, so that each tells of the next.
+    ``sequence``: they are taken one after the other, so that each tells of the next. A map that is
+    damaged is told before the first is asked for.
     """
+    locator.loading.result()
     prior: PlacePrior | None = None
     for path in photos:
         wait_until_written(path)
