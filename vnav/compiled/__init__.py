@@ -51,7 +51,7 @@ def load_compiler() -> None:
 
 def self_test() -> None:
     """Compile something and run it; an exception where that does not work."""
-    if Compiled(_doubled)(21) != 42:
+    if compiled(_doubled)(21) != 42:
         raise ArithmeticError("expected 42 of compiled code, found another number")
 
 

@@ -64,7 +64,8 @@ class Locator:
     """Finds photos in one map, which is loaded once; may be asked from several threads.
 
     ``camera``: of all photos; a camera.toml, "auto" or intrinsics; None: see `photo_camera`.
-    ``map_cameras``: those that recorded the map's captures; ``features``: its settings.
+    ``loading``: what becomes the ``database``; ``map_cameras``: those that recorded the map's
+    captures; ``features``: its settings.
     """
 
     folder: MapFolder

@@ -127,19 +127,16 @@ class ChosenMotions:
     @property
     def probability(self) -> float:
         """That the motions to the best pose are the camera's; 1 where there are none."""
-        return _least(self.estimates)
+        return min((e.probability for e in self.estimates.values()), default=1.0)
 
     def exchanged(self) -> "ChosenMotions":
         """The next pose for the best, as probable as that was, where more than pixels says so."""
-        p, q = _least(self.estimates), _least(self.alternatives)
-        best = {row: replace(e, probability=p) for row, e in self.alternatives.items()}
-        return ChosenMotions(
-            best, {r: replace(e, probability=q) for r, e in self.estimates.items()}
-        )
+        p, q = self.probability, ChosenMotions(self.alternatives).probability
+        return ChosenMotions(_as_likely(self.alternatives, p), _as_likely(self.estimates, q))
 
 
-def _least(motions: Motions) -> float:
-    return min((e.probability for e in motions.values()), default=1.0)
+def _as_likely(motions: Motions, probability: float) -> Motions:
+    return {row: replace(e, probability=probability) for row, e in motions.items()}
 
 
 @dataclass(frozen=True)
@@ -292,8 +289,7 @@ class PoseChoice:
     def _weighed(self, number: int, alike: Sequence[int]) -> Motions:
         """The motions to a pose, that of the newest target first; the probability of all alike."""
         p = min(1.0, float(self._probabilities[list(alike)].sum()))  # a sum is rounded
-        motions = sorted(self._poses[number].motions.items(), reverse=True)
-        return {row: replace(estimate, probability=p) for row, estimate in motions}
+        return _as_likely(dict(sorted(self._poses[number].motions.items(), reverse=True)), p)
 
     def _known(self, T_track_current: Array) -> _Pose:
         """The pose that stands for this one, which may be new; beyond the limit it is nowhere."""
