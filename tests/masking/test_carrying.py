@@ -57,6 +57,20 @@ def test_what_most_views_see_stand_still_is_not_carried(mask: MotionMask) -> Non
     assert np.isinf(mask.carried(before, moves, [moves, *rests])).all()
 
 
+def test_of_a_surface_that_moves_in_part_what_most_views_see_stand_still_is_not_carried(
+    mask: MotionMask,
+) -> None:
+    """Half of a thing moves, and a third makes a whole: but not the half that is seen to stay."""
+    before, box = box_at(0.0, 0.0)
+    after = [box_at(0.0, 0.1 * k)[0] for k in range(1, 3)]
+    upper = box & (np.indices(box.shape)[0] < CAMERA.height // 2)
+    moves = [moving(view, upper) for view in after]
+    unseen, seen = (mask.carried(before, moves[0], witnesses) for witnesses in ([], moves))
+    known = box & (before.frame.inverse_depth > 0)
+    assert np.isfinite(unseen)[known].mean() > 0.95
+    assert np.array_equal(np.isfinite(seen)[known], upper[known])
+
+
 def test_the_wall_where_he_was_is_not_he(mask: MotionMask) -> None:
     before, box = box_at(0.0, 0.0)
     empty = walk(0.1, None).frames[0]

@@ -71,6 +71,11 @@ def turning(view: PosedView, rad_s: float) -> PosedView:
     return replace(view, frame=view.frame.moving(np.array([0, rad_s, 0, 0, 0, 0])))
 
 
+def at(view: PosedView, stamp_s: float) -> PosedView:
+    """The same, at another time."""
+    return replace(view, frame=replace(view.frame, stamp_s=stamp_s))
+
+
 @pytest.mark.parametrize(("rad_s", "other_rad_s", "blocks"), [(1, -1, 0), (0, 0, 2), (1, 1, 2)])
 def test_what_late_depth_displaces_is_seen_through_only_where_cameras_turn_alike(
     rad_s: float, other_rad_s: float, blocks: int
@@ -106,6 +111,29 @@ def test_a_view_at_a_wrong_pose_has_no_vote_where_most_have() -> None:
     )
     assert (alone.free > 0).mean() > 0.5
     assert (among_others.free == 0).all()
+
+
+def test_views_of_elsewhere_do_not_say_whose_pose_is_wrong() -> None:
+    view, other = views(0.0, 0.0)
+    astray = replace(other, T_track_camera=ahead(0.5))
+    away = replace(other, T_track_camera=np.diag([-1.0, 1, -1, 1]))
+    votes = count_votes(view, [*[away] * 6, astray, other], SIGMA, MARGIN_M)
+    assert (votes.free == 0).all()
+
+
+def test_views_beyond_a_wrong_step_have_no_vote_though_they_are_more() -> None:
+    """Whose pose is wrong, of two that do not fit, is told by the views that are near in time."""
+    view, other = views(0.0, 0.0)
+    near = [at(other, 0.1 * k) for k in range(1, 4)]
+    beyond = [replace(at(other, 0.1 * k), T_track_camera=ahead(0.5)) for k in range(4, 12)]
+    assert (count_votes(view, [*near, *beyond], SIGMA, MARGIN_M).free == 0).all()
+
+
+def test_all_views_have_a_vote_where_those_before_and_after_do_not_fit() -> None:
+    view, other = views(0.0, 0.0)
+    near = [replace(at(other, 0.1 * k), T_track_camera=ahead(0.5)) for k in range(1, 4)]
+    beyond = [at(other, 0.1 * k) for k in range(4, 12)]
+    assert (count_votes(view, [*near, *beyond], SIGMA, MARGIN_M).free > 0).mean() > 0.5
 
 
 def test_what_is_hidden_has_no_vote() -> None:

@@ -6,6 +6,7 @@ from tests.masking.moving_box import CAMERA
 from vnav.core.reduced_frame import ReducedFrame
 from vnav.masking.free_space import COARSE, Votes
 from vnav.masking.regions import (
+    MAX_SAME,
     beside,
     bodies,
     completed,
@@ -28,6 +29,7 @@ def blocks(*parts: tuple[slice, slice]) -> np.ndarray:
 
 BODY = np.s_[10:50, 30:50]
 SEED = np.s_[10:20, 30:50]  # 3 % of the blocks
+NOWHERE = np.zeros(SHAPE, bool)
 
 
 def view(inverse_depth: np.ndarray) -> PosedView:
@@ -106,8 +108,16 @@ def test_a_region_does_not_grow_over_a_surface_that_no_view_sees_through() -> No
 def test_a_surface_moves_as_a_whole_where_a_third_of_it_does() -> None:
     for rows, whole in ((13, False), (14, True)):
         part = blocks(np.s_[10 : 10 + rows, 30:50])
-        result = np.isfinite(completed(moved(part), scene(3.0)))
+        result = np.isfinite(completed(moved(part), scene(3.0), NOWHERE))
         assert np.array_equal(result, blocks(BODY) if whole else part)
+
+
+def test_of_a_surface_that_moves_what_many_have_seen_in_its_place_stays() -> None:
+    """A panel that is pushed over a floor, and is one surface with it where they touch."""
+    panel, floor = blocks(np.s_[10:30, 30:50]), blocks(np.s_[30:50, 30:50])
+    same = np.where(floor, MAX_SAME + 1, 0)
+    seen = Votes(same.astype(np.float32), panel.astype(np.float32))
+    assert np.array_equal(np.isfinite(grown(moved(panel), seen, scene(3.0))), panel)
 
 
 def test_what_a_region_grows_by_has_moved_when_the_region_has() -> None:
@@ -133,7 +143,7 @@ def test_a_body_goes_on_where_it_is_too_near_for_the_sensor() -> None:
         inverse_depth = np.full(SHAPE, 1 / 3.0)
         inverse_depth[:rows, :40] = 1 / body_m
         inverse_depth[:, :20] = 0
-        result = np.isfinite(completed(moved(inverse_depth > 0.5), view(inverse_depth)))
+        result = np.isfinite(completed(moved(inverse_depth > 0.5), view(inverse_depth), NOWHERE))
         assert result[:, :15].all() == goes_on
 
 

@@ -17,6 +17,7 @@ FITS = 3.0  # times the noise of two depths, by which views differ that fit, of 
 COARSE = 2  # a region that is opened has a block of every so many rows and columns
 STRIDE = 2 * COARSE  # between the blocks that tell how well two views fit
 MIN_FITTED = 30  # such blocks
+NEAREST = 5  # views in time, that tell whose pose is wrong where two do not fit
 ENOUGH = 1.0  # views that fit, or more that fit worse, see through what is not there
 MAX_DELAY_S = 0.03  # of depth after colour, where nobody knows it
 SAME, FREE = range(2)
@@ -51,19 +52,22 @@ def count_votes(
     farther by more than the noise and the margin: a misalignment of one block changes nothing.
     Where cameras turn, late depth may misalign more blocks, and so many about it must be farther.
     The noise is the sensor's, or more where most surfaces that both see differ by more: then a pose
-    is not exact. A view in which hardly a surface is in its place has no vote where most have:
-    its pose is wrong. None has a vote where it has no depth, where something hides the surface, and
-    beyond the image. Views have one camera; none give no votes. With a step, 1 or `COARSE`, only
-    blocks of every so many rows and columns are asked; they have the same votes.
+    is not exact. A view in which hardly a surface is in its place has no vote, for its pose is
+    wrong; unless the view's own is, as most of the views nearest in time say. None has a vote where
+    it has no depth, where something hides the surface, and beyond the image. Views have one camera;
+    none give no votes. With a step, 1 or `COARSE`, only blocks of every so many rows and columns
+    are asked; they have the same votes.
     """
     votes = np.zeros((2, *view.frame.grey.shape), np.float32)
     sigma = np.sqrt(2) * sigma_per_m2
     fallen = [places_in(other, view, view.frame.inverse_depth, step) for other in others]
-    noises = [_noise(*at, o, sigma, margin_m) for at, o in zip(fallen, others, strict=True)]
+    told = [_noise(*at, o, sigma, margin_m) for at, o in zip(fallen, others, strict=True)]
+    noises, shared = np.array(told).reshape(-1, 2).T
     fits = np.isfinite(noises)
-    most_fit = 2 * fits.sum() >= len(others)  # otherwise it is the view's own pose that is wrong
+    off_s = [abs(other.stamp_s - view.stamp_s) for other in others]
+    is_own_wrong = not _most_near(fits, np.where(shared >= MIN_FITTED, off_s, np.inf))
     for k in range(len(others)):
-        if most_fit and not fits[k]:
+        if not (fits[k] or is_own_wrong):
             continue
         noise = max(sigma, noises[k]) if fits[k] else sigma
         weight = min(1.0, (FITS * sigma / noise) ** 2)
@@ -71,6 +75,12 @@ def count_votes(
         asked = *fallen[k], near.nearest, near.farthest, near.clear
         _add_votes(votes, weight, *asked, SIGMAS * noise, margin_m, step)
     return Votes(votes[SAME], votes[FREE])
+
+
+def _most_near(fits: Blocks, off_s: Array) -> bool:
+    """Whether most of the views (N,) fit that are nearest, by times that infinity leaves out."""
+    nearest = np.argsort(off_s, kind="stable")[: min(NEAREST, np.isfinite(off_s).sum())]
+    return bool(2 * fits[nearest].sum() >= len(nearest))
 
 
 def misfit(view: PosedView, other: PosedView, sigma_per_m2: float, margin_m: float) -> float:
@@ -81,17 +91,17 @@ def misfit(view: PosedView, other: PosedView, sigma_per_m2: float, margin_m: flo
     the margin, tell what is one surface.
     """
     places, expected = places_in(other, view, view.frame.inverse_depth, STRIDE)
-    return _noise(places, expected, other, np.sqrt(2) * sigma_per_m2, margin_m)
+    return _noise(places, expected, other, np.sqrt(2) * sigma_per_m2, margin_m)[0]
 
 
 def _noise(
     places: NDArray[np.int32], expected: Floats, other: PosedView, sigma: float, margin_m: float
-) -> float:
-    """See `misfit`; ``sigma`` of the difference of two depths."""
+) -> tuple[float, int]:
+    """See `misfit`, and blocks that both might see; ``sigma`` of the difference of two depths."""
     near = other.about(1)
     depths = other.frame.inverse_depth, near.nearest, near.farthest
-    off = _difference(places, expected, *depths, SIGMAS * sigma, margin_m)
-    return float(off / MEDIAN_OF_SIGMA)
+    off, shared = _difference(places, expected, *depths, SIGMAS * sigma, margin_m)
+    return float(off / MEDIAN_OF_SIGMA), shared
 
 
 def _late_blocks(view: PosedView, other: PosedView) -> int:
@@ -157,14 +167,15 @@ def _difference(
     farthest: Floats,
     noise: float,
     margin_m: float,
-) -> float:
+) -> tuple[float, int]:
     """Median absolute difference of inverse depth on smooth surfaces that both views see.
 
-    Infinite where they share too few.
+    Infinite where they share too few. And of how many blocks the other view is smooth.
     """
     height, width = places.shape
     depth_of, nearest_of, farthest_of = inverse_depth.ravel(), nearest.ravel(), farthest.ravel()
-    found, off_by = 0, np.empty((height // STRIDE + 1) * (width // STRIDE + 1), np.float32)
+    off_by = np.empty((height // STRIDE + 1) * (width // STRIDE + 1), np.float32)
+    shared, found = 0, 0
     for v in range(0, height, STRIDE):
         for u in range(0, width, STRIDE):
             place = places[v, u]
@@ -172,10 +183,13 @@ def _difference(
                 continue
             tolerance = noise + margin_m * expected[v, u] * depth_of[place]
             off = abs(expected[v, u] - depth_of[place])
-            if nearest_of[place] - farthest_of[place] < tolerance and off < tolerance:
+            if nearest_of[place] - farthest_of[place] >= tolerance:
+                continue
+            shared += 1
+            if off < tolerance:
                 off_by[found] = off
                 found += 1
-    return float(np.median(off_by[:found])) if found >= MIN_FITTED else np.inf
+    return (float(np.median(off_by[:found])) if found >= MIN_FITTED else np.inf), shared
 
 
 @compiled

@@ -92,7 +92,8 @@ class MotionMask:
         moved_s += np.float32(abs(view.frame.stamp_s - beside.view.frame.stamp_s))
         found = self._carrier.borne_out(view, moved_s <= REMEMBERED_S, witnesses)
         found = large(opened(found), self._min_blocks)
-        return completed(np.where(found, moved_s, result), view)
+        stays = ~self._carrier.borne_out(view, view.surfaces > 0, witnesses)
+        return completed(np.where(found, moved_s, result), view, stays)
 
     def with_attached(self, masked: MaskedView, others: Sequence[PosedView]) -> Floats:
         """What moves, with surfaces that touch it and that no view sees stay when it has left."""

@@ -64,28 +64,29 @@ def grown(moved_s: Floats, votes: Votes, view: PosedView) -> Floats:
 
     A surface that no view sees through is of no body that moves: floor or wall, beside a heel that
     a mask has covered. Nor is a block that many views have seen where it is, and none has seen
-    through. Where a third of a surface moves, all of it does.
+    through: floor that is one surface with what stands on it.
     """
-    may_move = (votes.same <= MAX_SAME) | (votes.free > 0)
+    stays = (votes.same > MAX_SAME) & (votes.free == 0)
     grows = bodies(np.isfinite(moved_s))
     block_rad = 1 / view.frame.intrinsics.fx
     is_body = np.isin(view.surfaces, view.surfaces[votes.seen_through])
-    number = np.where((may_move & is_body) | grows, view.surfaces, np.int32(0))
+    number = np.where((~stays & is_body) | grows, view.surfaces, np.int32(0))
     body = _flooded(grows, number, view.frame.inverse_depth, block_rad)
-    return completed(joined(moved_s, body, view.surfaces), view)
+    return completed(joined(moved_s, body, view.surfaces), view, stays)
 
 
-def completed(moved_s: Floats, view: PosedView) -> Floats:
+def completed(moved_s: Floats, view: PosedView, stays: Blocks) -> Floats:
     """Blocks (h, w) that move, with surfaces of which a third does, and what has no depth.
 
-    That is at the edges of what moves, and where it is too near for the sensor.
+    That is at the edges of what moves, and where it is too near for the sensor. Of a surface those
+    blocks are left out that are known to stay where they are.
     """
     number = view.surfaces
     moving = np.isfinite(moved_s)
     sizes, found = np.bincount(number.flat), np.bincount(number.flat, moving.flat)
     whole = (found >= WHOLE * sizes) & (found >= LEAST_SHARE * number.size)
     whole[0] = False
-    moving |= whole[number]
+    moving |= whole[number] & ~stays
     for _ in range(EDGE):
         moving |= widened(moving) & (number == 0)
     return joined(moved_s, moving | _too_near(moving, view), number)
