@@ -122,18 +122,18 @@ def test_views_of_elsewhere_do_not_say_whose_pose_is_wrong() -> None:
 
 
 def test_views_beyond_a_wrong_step_have_no_vote_though_they_are_more() -> None:
-    """Whose pose is wrong, of two that do not fit, is told by the views that are near in time."""
+    """Of a view that fits those before, or those after, the pose is right."""
     view, other = views(0.0, 0.0)
-    near = [at(other, 0.1 * k) for k in range(1, 4)]
-    beyond = [replace(at(other, 0.1 * k), T_track_camera=ahead(0.5)) for k in range(4, 12)]
-    assert (count_votes(view, [*near, *beyond], SIGMA, MARGIN_M).free == 0).all()
+    before = [at(other, -0.1 * k) for k in range(3, 0, -1)]
+    after = [replace(at(other, 0.1 * k), T_track_camera=ahead(0.5)) for k in range(1, 9)]
+    assert (count_votes(view, [*before, *after], SIGMA, MARGIN_M).free == 0).all()
 
 
-def test_all_views_have_a_vote_where_those_before_and_after_do_not_fit() -> None:
+def test_all_views_have_a_vote_where_a_view_fits_neither_those_before_nor_those_after() -> None:
     view, other = views(0.0, 0.0)
-    near = [replace(at(other, 0.1 * k), T_track_camera=ahead(0.5)) for k in range(1, 4)]
-    beyond = [at(other, 0.1 * k) for k in range(4, 12)]
-    assert (count_votes(view, [*near, *beyond], SIGMA, MARGIN_M).free > 0).mean() > 0.5
+    fitting = [at(other, -0.4), at(other, 0.4)]
+    astray = [replace(at(other, t), T_track_camera=ahead(0.5)) for t in (-0.2, -0.1, 0.1, 0.2)]
+    assert (count_votes(view, [*fitting, *astray], SIGMA, MARGIN_M).free > 0).mean() > 0.5
 
 
 def test_what_is_hidden_has_no_vote() -> None:

@@ -17,7 +17,6 @@ FITS = 3.0  # times the noise of two depths, by which views differ that fit, of 
 COARSE = 2  # a region that is opened has a block of every so many rows and columns
 STRIDE = 2 * COARSE  # between the blocks that tell how well two views fit
 MIN_FITTED = 30  # such blocks
-NEAREST = 5  # views in time, that tell whose pose is wrong where two do not fit
 ENOUGH = 1.0  # views that fit, or more that fit worse, see through what is not there
 MAX_DELAY_S = 0.03  # of depth after colour, where nobody knows it
 SAME, FREE = range(2)
@@ -53,10 +52,10 @@ def count_votes(
     Where cameras turn, late depth may misalign more blocks, and so many about it must be farther.
     The noise is the sensor's, or more where most surfaces that both see differ by more: then a pose
     is not exact. A view in which hardly a surface is in its place has no vote, for its pose is
-    wrong; unless the view's own is, as most of the views nearest in time say. None has a vote where
-    it has no depth, where something hides the surface, and beyond the image. Views have one camera;
-    none give no votes. With a step, 1 or `COARSE`, only blocks of every so many rows and columns
-    are asked; they have the same votes.
+    wrong; unless the view's own is, which fits most of those before as little as most of those
+    after. None has a vote where it has no depth, where something hides the surface, and beyond the
+    image. Views have one camera; none give no votes. With a step, 1 or `COARSE`, only blocks of
+    every so many rows and columns are asked; they have the same votes.
     """
     votes = np.zeros((2, *view.frame.grey.shape), np.float32)
     sigma = np.sqrt(2) * sigma_per_m2
@@ -64,8 +63,9 @@ def count_votes(
     told = [_noise(*at, o, sigma, margin_m) for at, o in zip(fallen, others, strict=True)]
     noises, shared = np.array(told).reshape(-1, 2).T
     fits = np.isfinite(noises)
-    off_s = [abs(other.stamp_s - view.stamp_s) for other in others]
-    is_own_wrong = not _most_near(fits, np.where(shared >= MIN_FITTED, off_s, np.inf))
+    is_later = np.array([other.stamp_s > view.stamp_s for other in others], bool)
+    tells = shared >= MIN_FITTED
+    is_own_wrong = not (_most(fits[tells & is_later]) or _most(fits[tells & ~is_later]))
     for k in range(len(others)):
         if not (fits[k] or is_own_wrong):
             continue
@@ -77,10 +77,9 @@ def count_votes(
     return Votes(votes[SAME], votes[FREE])
 
 
-def _most_near(fits: Blocks, off_s: Array) -> bool:
-    """Whether most of the views (N,) fit that are nearest, by times that infinity leaves out."""
-    nearest = np.argsort(off_s, kind="stable")[: min(NEAREST, np.isfinite(off_s).sum())]
-    return bool(2 * fits[nearest].sum() >= len(nearest))
+def _most(fits: Blocks) -> bool:
+    """Whether most of some views (N,) fit; none do not."""
+    return len(fits) > 0 and 2 * int(fits.sum()) >= len(fits)
 
 
 def misfit(view: PosedView, other: PosedView, sigma_per_m2: float, margin_m: float) -> float:
