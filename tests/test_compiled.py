@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from vnav.caches import code_cache
-from vnav.compiled import compiled
+from vnav.compiled import compiled, descriptors
 
 PROGRAM = """
 import logging
@@ -135,6 +135,39 @@ def test_machine_code_is_not_older_than_what_is_in_it_from_other_files(tmp_path:
         (tmp_path / "deep.py").write_text(DEEP.format(height=height))
         printed.append(run("import outer", tmp_path, tmp_path / "cache").stdout.strip())
     assert printed == ["111", "121", "321", "321"]
+
+
+NEAR = """
+import numpy as np
+from vnav.compiled import compiled
+from vnav.compiled.descriptors import squared_distance
+
+@compiled
+def near(a, b):
+    return squared_distance(a, b)
+
+print(near(np.zeros(2, np.uint8), np.ones(2, np.uint8)))
+"""
+WITH_DESCRIPTORS = """
+import sys
+from importlib.util import module_from_spec, spec_from_file_location
+
+spec = spec_from_file_location("vnav.compiled.descriptors", "descriptors.py")
+sys.modules[spec.name] = module_from_spec(spec)
+spec.loader.exec_module(sys.modules[spec.name])
+import near
+"""
+
+
+def test_machine_code_is_not_older_than_the_distances_of_descriptors_in_it(tmp_path: Path) -> None:
+    """They are chosen by type, under a name that is no compiled function itself."""
+    (tmp_path / "near.py").write_text(NEAR)
+    source = Path(descriptors.__file__).read_text()
+    printed = []
+    for total in ("int(total)", "int(total) + 5"):
+        (tmp_path / "descriptors.py").write_text(source.replace("int(total)", total))
+        printed.append(run(WITH_DESCRIPTORS, tmp_path, tmp_path / "cache").stdout.strip())
+    assert printed == ["2", "7"]
 
 
 def test_copies_of_a_file_share_their_machine_code(tmp_path: Path) -> None:

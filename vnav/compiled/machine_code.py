@@ -87,7 +87,9 @@ def _made_of(module: str) -> str:
     """A hash of a module's file, its constants, and the modules its functions take others from."""
     values = vars(sys.modules[module])
     constants = {name: v for name, v in values.items() if isinstance(v, bool | int | float | tuple)}
-    others = {v.function.__module__ for v in values.values() if isinstance(v, Compiled)}
+    others = {
+        v.__module__ for v in values.values() if isinstance(v, Compiled) or v is squared_distance
+    }
     told = [repr(sorted(constants.items())), *map(_made_of, sorted(others - {module}))]
     source = Path(sys.modules[module].__file__ or "").read_bytes()
     return hashlib.sha256(source + "\n".join(told).encode()).hexdigest()[:16]
