@@ -11,8 +11,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vnav.compiled import compiled
-from vnav.core.arrays import Array, Floats
-from vnav.masking.free_space import FREE, SAME, SIGMAS, is_in_place, misfit, place_of, sees_through
+from vnav.core.arrays import Floats
+from vnav.masking.free_space import (
+    FREE,
+    SAME,
+    SIGMAS,
+    Projection,
+    is_in_place,
+    misfit,
+    place_of,
+    projection,
+    sees_through,
+)
 from vnav.masking.view import Blocks, MaskedView, PosedView
 
 REACH = 2  # blocks from one that touches another: at an edge there may be no depth
@@ -75,15 +85,13 @@ class _Asked:
         """
         near, noise = other.about(1), SIGMAS * sigma
         seen = other.frame.inverse_depth, near.nearest, near.clear
-        T = other.T_camera_track @ view.T_track_camera
         votes = _votes(
             self.blocks,
             self.surface,
             count,
             view.frame.inverse_depth,
             *seen,
-            T,
-            view.frame.intrinsics.pinhole,
+            projection(other, view),
             noise,
             margin_m,
         )
@@ -152,8 +160,7 @@ def _votes(
     seen: Floats,
     nearest: Floats,
     clear: Blocks,
-    T: Array,
-    camera: Array,
+    to_other: Projection,
     noise: float,
     margin_m: float,
 ) -> NDArray[np.int32]:
@@ -163,7 +170,7 @@ def _votes(
     votes = np.zeros((2, count), np.int32)
     for n in range(len(blocks)):
         v, u = blocks[n] // width, blocks[n] % width
-        place, w = place_of(v, u, inverse_depth[v, u], T, camera, height, width)
+        place, w = place_of(v, u, inverse_depth[v, u], to_other, height, width)
         if place < 0 or nearest_of[place] == 0:
             continue
         if sees_through(w, nearest_of[place], noise, margin_m):

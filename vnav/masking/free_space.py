@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vnav.compiled import compiled
-from vnav.core.arrays import Array, Floats
+from vnav.core.arrays import Floats
 from vnav.masking.view import Blocks, PosedView
 
 MIN_Z_M = 0.05  # nothing is seen nearer than this
@@ -20,6 +20,8 @@ MIN_FITTED = 30  # such blocks
 ENOUGH = 1.0  # views that fit, or more that fit worse, see through what is not there
 MAX_DELAY_S = 0.03  # of depth after colour, where nobody knows it
 SAME, FREE = range(2)
+
+Projection = tuple[float, ...]  # of 12
 
 
 @dataclass(frozen=True)
@@ -120,15 +122,21 @@ def places_in(
 
     And the inverse depth that it has there. Both views have one camera.
     """
-    T = other.T_camera_track @ view.T_track_camera
-    return _block_places(inverse_depth, T, view.frame.intrinsics.pinhole, step)
+    return _block_places(inverse_depth, projection(other, view), step)
+
+
+def projection(other: PosedView, view: PosedView) -> Projection:
+    """What takes (u, v, 1, inverse depth) of a view's block to that of another, times z: (3, 4)."""
+    T, K = other.T_camera_track @ view.T_track_camera, view.frame.intrinsics.K
+    rows = K @ np.hstack([T[:3, :3] @ np.linalg.inv(K), T[:3, 3:]])
+    return tuple(rows.ravel().tolist())
 
 
 @compiled
 def _block_places(
-    inverse_depth: Floats, T: Array, camera: Array, step: int
+    inverse_depth: Floats, to_other: Projection, step: int
 ) -> tuple[NDArray[np.int32], Floats]:
-    """The loop of `places_in`; T takes points to the other view."""
+    """The loop of `places_in`."""
     height, width = inverse_depth.shape
     places = np.full((height, width), -1, np.int32)
     expected = np.zeros((height, width), np.float32)
@@ -136,22 +144,21 @@ def _block_places(
         for u in range(0, width, step):
             w = inverse_depth[v, u]
             if w > 0:
-                places[v, u], expected[v, u] = place_of(v, u, w, T, camera, height, width)
+                places[v, u], expected[v, u] = place_of(v, u, w, to_other, height, width)
     return places, expected
 
 
 @compiled
 def place_of(
-    v: int, u: int, w: float, T: Array, camera: Array, height: int, width: int
+    v: int, u: int, w: float, to_other: Projection, height: int, width: int
 ) -> tuple[int, float]:
     """The block of another view where one with inverse depth w falls, or -1, and w there."""
-    fx, fy, cx, cy = camera
-    x, y = (u - cx) / fx, (v - cy) / fy
-    z = T[2, 0] * x + T[2, 1] * y + T[2, 2] + T[2, 3] * w  # times w, as all three
+    p = to_other
+    z = p[8] * u + p[9] * v + p[10] + p[11] * w  # times w, as all three
     if z <= MIN_Z_M * w:
         return -1, 0.0
-    column = fx * (T[0, 0] * x + T[0, 1] * y + T[0, 2] + T[0, 3] * w) / z + cx
-    row = fy * (T[1, 0] * x + T[1, 1] * y + T[1, 2] + T[1, 3] * w) / z + cy
+    column = (p[0] * u + p[1] * v + p[2] + p[3] * w) / z
+    row = (p[4] * u + p[5] * v + p[6] + p[7] * w) / z
     if not (-0.5 <= column < width - 0.5 and -0.5 <= row < height - 0.5):
         return -1, 0.0
     return int(row + 0.5) * width + int(column + 0.5), w / z
