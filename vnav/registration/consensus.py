@@ -12,6 +12,8 @@ from vnav.compiled.triangles import dot, fill_axes
 from vnav.core.arrays import Array
 from vnav.registration.compiled_geometry import MIN_Z_M, inverse
 
+Projection = tuple[float, ...]  # of 15
+
 MIN_TRIALS = 16  # however many agree with the first: three noisy points make a rough motion
 
 
@@ -60,8 +62,9 @@ def sharpest_motion(
     for trial in range(len(samples)):
         rows = samples[trial]
         T_b_a = _aligned(points_b[rows], points_a[rows])
+        to_b = _projection(T_b_a, camera, sigmas)
         for m in range(len(points_a)):
-            squared[m] = _squared(T_b_a, points_a[m], points_b[m], px_b[m], camera, sigmas)
+            squared[m] = _squared(m, to_b, points_a, points_b, px_b)
         quantile = np.partition(squared, asked)[asked]
         if quantile < least:
             best, least = T_b_a, quantile
@@ -113,9 +116,10 @@ def _cost(
     max_cost: float,
 ) -> tuple[float, int]:
     """Truncated squared residuals summed, and inliers; left off where it exceeds ``max_cost``."""
+    to_b = _projection(T, camera, limits)
     cost, inliers = 0.0, 0
     for m in range(len(points_a)):
-        squared = _squared(T, points_a[m], points_b[m], px_b[m], camera, limits)
+        squared = _squared(m, to_b, points_a, points_b, px_b)
         inliers += squared < 1
         cost += min(squared, 1.0)
         if cost > max_cost:
@@ -124,20 +128,35 @@ def _cost(
 
 
 @compiled
-def _squared(
-    T: Array, point_a: Array, point_b: Array, px_b: Array, camera: Array, limits: Array
-) -> float:
-    """Squared residual of a match, of pixel and of inverse depth in b, each by its limit."""
-    X, Y, Z = point_a
-    z = T[2, 0] * X + T[2, 1] * Y + T[2, 2] * Z + T[2, 3]
+def _projection(T: Array, camera: Array, limits: Array) -> Projection:
+    """Rows that take a's points to pixels of b over their limits, times z; z's row; 1 / limits."""
+    fx, fy, cx, cy = camera
+    a, b, c = 1 / limits[0], 1 / limits[1], 1 / limits[2]
+    return (
+        *(a * (fx * T[0, 0] + cx * T[2, 0]), a * (fx * T[0, 1] + cx * T[2, 1])),
+        *(a * (fx * T[0, 2] + cx * T[2, 2]), a * (fx * T[0, 3] + cx * T[2, 3])),
+        *(b * (fy * T[1, 0] + cy * T[2, 0]), b * (fy * T[1, 1] + cy * T[2, 1])),
+        *(b * (fy * T[1, 2] + cy * T[2, 2]), b * (fy * T[1, 3] + cy * T[2, 3])),
+        *(T[2, 0], T[2, 1], T[2, 2], T[2, 3]),
+        *(a, b, c),
+    )
+
+
+@compiled
+def _squared(m: int, to_b: Projection, points_a: Array, points_b: Array, px_b: Array) -> float:
+    """Squared residual of a match, of pixel and of inverse depth in b, each by its limit.
+
+    Whatever is read in this loop is a number: an array in its place would be read again each time.
+    """
+    p, X, Y, Z = to_b, points_a[m, 0], points_a[m, 1], points_a[m, 2]
+    z = p[8] * X + p[9] * Y + p[10] * Z + p[11]
     if not z > MIN_Z_M:
         return np.inf
-    x = T[0, 0] * X + T[0, 1] * Y + T[0, 2] * Z + T[0, 3]
-    y = T[1, 0] * X + T[1, 1] * Y + T[1, 2] * Z + T[1, 3]
-    u = (camera[0] * x / z + camera[2] - px_b[0]) / limits[0]
-    v = (camera[1] * y / z + camera[3] - px_b[1]) / limits[1]
+    u = (p[0] * X + p[1] * Y + p[2] * Z + p[3]) / z - px_b[m, 0] * p[12]
+    v = (p[4] * X + p[5] * Y + p[6] * Z + p[7]) / z - px_b[m, 1] * p[13]
     squared = u * u + v * v
-    if point_b[2] > 0:  # false for NaN
-        w = (1 / z - 1 / point_b[2]) / limits[2]
+    measured = points_b[m, 2]
+    if measured > 0:  # false for NaN
+        w = (1 / z - 1 / measured) * p[14]
         squared += w * w
     return float(squared)
