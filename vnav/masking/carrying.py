@@ -27,17 +27,16 @@ class SurfaceCarrier:
         places = self._places(view, other.view, w)
         return np.where(places >= 0, values.ravel()[places], np.float32(np.inf))
 
-    def borne_out(self, view: PosedView, blocks: Blocks, witnesses: Sequence[MaskedView]) -> Blocks:
-        """Of blocks (h, w) of a view, those that no majority of views see there and not moving.
+    def stays(self, view: PosedView, witnesses: Sequence[MaskedView]) -> Blocks:
+        """Blocks (h, w) of a view that a majority of views see there and not moving.
 
         So floor beside a foot, that one mask has covered, moves in that view alone.
         """
-        w = np.where(blocks, view.frame.inverse_depth, np.float32(0))
-        against = np.zeros(blocks.shape, np.int32)
+        w = view.frame.inverse_depth
+        still = np.zeros(w.shape, np.int32)
         for witness in witnesses:
-            places = self._places(view, witness.view, w)
-            _count_against(against, places, np.isfinite(witness.moved_s))
-        return blocks & (against <= 0)
+            _count_still(still, self._places(view, witness.view, w), np.isfinite(witness.moved_s))
+        return np.asarray(still > 0)
 
     def _places(
         self, view: PosedView, other: PosedView, inverse_depth: Floats
@@ -66,9 +65,9 @@ def _drop_unlike(
 
 
 @compiled
-def _count_against(against: NDArray[np.int32], places: NDArray[np.int32], moves: Blocks) -> None:
+def _count_still(still: NDArray[np.int32], places: NDArray[np.int32], moves: Blocks) -> None:
     """One more, in place, where the block at a place stands still, one less where it moves."""
-    votes, place_of, moves_at = against.ravel(), places.ravel(), moves.ravel()
+    votes, place_of, moves_at = still.ravel(), places.ravel(), moves.ravel()
     for k in range(len(place_of)):
         if place_of[k] >= 0:
             votes[k] += -1 if moves_at[place_of[k]] else 1

@@ -90,9 +90,8 @@ class MotionMask:
             return result
         moved_s = self._carrier.carried(view, beside)
         moved_s += np.float32(abs(view.frame.stamp_s - beside.view.frame.stamp_s))
-        found = self._carrier.borne_out(view, moved_s <= REMEMBERED_S, witnesses)
-        found = large(opened(found), self._min_blocks)
-        stays = ~self._carrier.borne_out(view, view.surfaces > 0, witnesses)
+        stays = self._carrier.stays(view, witnesses)
+        found = large(opened((moved_s <= REMEMBERED_S) & ~stays), self._min_blocks)
         return completed(np.where(found, moved_s, result), view, stays)
 
     def with_attached(self, masked: MaskedView, others: Sequence[PosedView]) -> Floats:
