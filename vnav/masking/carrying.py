@@ -27,16 +27,16 @@ class SurfaceCarrier:
         places = self._places(view, other.view, w)
         return np.where(places >= 0, values.ravel()[places], np.float32(np.inf))
 
-    def stays(self, view: PosedView, witnesses: Sequence[MaskedView]) -> Blocks:
-        """Blocks (h, w) of a view that a majority of views see there and not moving.
+    def seen_still(self, view: PosedView, witnesses: Sequence[MaskedView]) -> NDArray[np.int32]:
+        """By how many views more a block (h, w) of a view is seen to stand still than to move.
 
-        So floor beside a foot, that one mask has covered, moves in that view alone.
+        Floor beside a foot, that one mask has covered, moves in that view alone.
         """
         w = view.frame.inverse_depth
         still = np.zeros(w.shape, np.int32)
         for witness in witnesses:
             _count_still(still, self._places(view, witness.view, w), np.isfinite(witness.moved_s))
-        return np.asarray(still > 0)
+        return still
 
     def _places(
         self, view: PosedView, other: PosedView, inverse_depth: Floats

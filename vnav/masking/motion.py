@@ -18,6 +18,7 @@ from vnav.masking.background import Background
 from vnav.masking.carrying import SurfaceCarrier
 from vnav.masking.free_space import COARSE, Votes, count_votes
 from vnav.masking.regions import (
+    MAX_SAME,
     beside,
     bodies,
     completed,
@@ -90,9 +91,9 @@ class MotionMask:
             return result
         moved_s = self._carrier.carried(view, beside)
         moved_s += np.float32(abs(view.frame.stamp_s - beside.view.frame.stamp_s))
-        stays = self._carrier.stays(view, witnesses)
-        found = large(opened((moved_s <= REMEMBERED_S) & ~stays), self._min_blocks)
-        return completed(np.where(found, moved_s, result), view, stays)
+        seen_still = self._carrier.seen_still(view, witnesses)
+        found = large(opened((moved_s <= REMEMBERED_S) & (seen_still <= 0)), self._min_blocks)
+        return completed(np.where(found, moved_s, result), view, seen_still > MAX_SAME)
 
     def with_attached(self, masked: MaskedView, others: Sequence[PosedView]) -> Floats:
         """What moves, with surfaces that touch it and that no view sees stay when it has left."""
