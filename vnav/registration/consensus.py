@@ -132,14 +132,20 @@ def _projection(T: Array, camera: Array, limits: Array) -> Projection:
     """Rows that take a's points to pixels of b over their limits, times z; z's row; 1 / limits."""
     fx, fy, cx, cy = camera
     a, b, c = 1 / limits[0], 1 / limits[1], 1 / limits[2]
-    return (
-        *(a * (fx * T[0, 0] + cx * T[2, 0]), a * (fx * T[0, 1] + cx * T[2, 1])),
-        *(a * (fx * T[0, 2] + cx * T[2, 2]), a * (fx * T[0, 3] + cx * T[2, 3])),
-        *(b * (fy * T[1, 0] + cy * T[2, 0]), b * (fy * T[1, 1] + cy * T[2, 1])),
-        *(b * (fy * T[1, 2] + cy * T[2, 2]), b * (fy * T[1, 3] + cy * T[2, 3])),
-        *(T[2, 0], T[2, 1], T[2, 2], T[2, 3]),
-        *(a, b, c),
+    z_row = T[2, 0], T[2, 1], T[2, 2], T[2, 3]
+    u_row = (
+        a * (fx * T[0, 0] + cx * T[2, 0]),
+        a * (fx * T[0, 1] + cx * T[2, 1]),
+        a * (fx * T[0, 2] + cx * T[2, 2]),
+        a * (fx * T[0, 3] + cx * T[2, 3]),
     )
+    v_row = (
+        b * (fy * T[1, 0] + cy * T[2, 0]),
+        b * (fy * T[1, 1] + cy * T[2, 1]),
+        b * (fy * T[1, 2] + cy * T[2, 2]),
+        b * (fy * T[1, 3] + cy * T[2, 3]),
+    )
+    return u_row + v_row + z_row + (a, b, c)
 
 
 @compiled
