@@ -257,3 +257,11 @@ def test_code_runs_where_nothing_can_be_kept(tmp_path: Path) -> None:
     )
     assert done.stdout == "4\n"
     assert not list(tmp_path.rglob("*.nbi"))
+
+
+def test_an_argument_with_a_default_is_refused() -> None:
+    def scaled(x: float, factor: float = 2.0) -> float:
+        return factor * x
+
+    with pytest.raises(TypeError, match="expected no defaults of arguments.*scaled"):
+        compiled(scaled)

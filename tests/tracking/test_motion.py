@@ -183,3 +183,11 @@ def test_the_next_frame_is_expected_where_the_motion_leads_or_where_the_camera_i
 def test_the_twist_is_that_of_the_last_step_and_none_before_there_is_one() -> None:
     assert not ConstantVelocity().twist.any()
     np.testing.assert_allclose(after_two_frames().twist, [0, 1, 0, *(STEP[:3, 3] / 0.1)], atol=1e-9)
+
+
+def test_poses_that_are_asked_together_are_as_likely_as_one_by_one() -> None:
+    motion = after_two_frames()
+    poses = np.stack([motion.expected[0], STEP @ TURN, se3.exp([0, 3, 0, 9, 0, 0])])
+    one_by_one = [float(motion.log_prior(T)) for T in poses]
+    np.testing.assert_allclose(motion.log_prior(poses), one_by_one)
+    assert len(set(one_by_one)) == 3

@@ -111,13 +111,13 @@ def test_among_shelves_that_are_all_the_same_the_pose_that_was_expected_is_among
 @pytest.mark.parametrize("right_m", [NOW_M, NOW_M - PERIOD_M])
 def test_among_shelves_that_are_all_the_same_the_likelier_motion_is_taken(right_m: float) -> None:
     scenes, expected = [[SHELVES]] * 3, [NOW_M + 0.01, NOW_M - PERIOD_M]
-    choice = found(scenes, expected, lambda T: -8 * abs(T[0, 3] - right_m) / PERIOD_M)
+    choice = found(scenes, expected, lambda T: -8 * abs(T[:, 0, 3] - right_m) / PERIOD_M)
     np.testing.assert_allclose(off_m(choice), NOW_M - right_m, atol=0.01)
     assert choice.probability > 0.9
 
 
 def test_what_pixels_tell_clearly_no_prior_overrules() -> None:
-    choice = found([[WALL]] * 3, [LAST_M, NOW_M], lambda T: -4 * abs(T[0, 3] - LAST_M) / 0.06)
+    choice = found([[WALL]] * 3, [LAST_M, NOW_M], lambda T: -4 * abs(T[:, 0, 3] - LAST_M) / 0.06)
     assert max(off_m(choice)) < 0.01
     assert choice.probability > 0.95
 
@@ -143,7 +143,7 @@ def test_where_matches_lead_to_other_periods_alone_pixels_tell_the_pose_beside_t
         [Target(before, at(0))],
         now,
         [at(expected_m)],
-        lambda T: -float(np.log1p(((T[0, 3] - expected_m) / 0.03) ** 2)),
+        lambda T: -np.log1p(((T[:, 0, 3] - expected_m) / 0.03) ** 2),
     )
     (estimate,) = choice.estimates.values()
     np.testing.assert_allclose(estimate.T_a_b, at(moved_m), atol=0.005)

@@ -14,7 +14,13 @@ def compiled(function: Function) -> Function:
     """The function as machine code that runs beside others; a division by zero gives inf or NaN.
 
     Its first call loads numba: a third of a second that a command without it does not take.
+    TypeError where an argument has a default: each call that leaves one out takes 0.1 ms.
     """
+    if function.__defaults__:
+        raise TypeError(
+            f"expected no defaults of arguments, which machine code takes 0.1 ms a call to fill in,"
+            f" found some of {function.__qualname__}; let who calls it name them"
+        )
     return cast("Function", Compiled(function))
 
 

@@ -20,7 +20,7 @@ from vnav.core.frame import Edge
 from vnav.features.lifting import inverse_depth_planes
 from vnav.optimisation.linearisation import NEAREST_M
 from vnav.optimisation.sensor_errors import MovingCamera, MovingSensor, MovingView, SensorErrors
-from vnav.registration.refinement import gauss_newton
+from vnav.registration.refinement import CONVERGED, gauss_newton
 
 MOST_PATCHES = 200  # of a keyframe
 UNSURE = 0.5  # of a displacement's length, which edges keep: frames match other points
@@ -154,5 +154,5 @@ def _registered(
     pinholes = np.stack([camera.pinhole for camera in cameras])
     pixel, depth = config.pixel_sigma_px**2, config.depth_sigma_per_m2**2
     noise = np.array([pixel, pixel, depth]), np.full(len(a), depth)
-    found, _, _ = gauss_newton(T_a_b, source, b, np.ones(len(a), bool), pinholes, *noise)
+    found, _, _ = gauss_newton(T_a_b, source, b, np.ones(len(a), bool), pinholes, *noise, CONVERGED)
     return np.asarray(found)

@@ -13,7 +13,7 @@ from vnav.core.mapping import FrameFeatures
 from vnav.core.reduced_frame import ReducedFrame
 from vnav.registration.consensus import best_motion, sharpest_motion
 from vnav.registration.far_features import KNOWN, inverse_depths, points
-from vnav.registration.refinement import gauss_newton, normal_equations
+from vnav.registration.refinement import CONVERGED, gauss_newton, normal_equations
 
 ImagesInBlocks = tuple[ReducedFrame, ReducedFrame]
 
@@ -138,8 +138,8 @@ class Correspondences:
         T_a_b, _, squared = gauss_newton(T_a_b, *self._measured, *settings, NEARLY)
         shown = self._shown(squared)
         sharper = shown * self._variances, shown * self._depth_variances
-        T_a_b, _, _ = gauss_newton(T_a_b, *self._measured, *sharper)
-        H, _, squared = normal_equations(T_a_b, *self._measured, *settings)
+        T_a_b, _, _ = gauss_newton(T_a_b, *self._measured, *sharper, CONVERGED)
+        H, _, squared = normal_equations(T_a_b, *self._measured, *settings, 1.0)
         return T_a_b, H, squared
 
     def _shown(self, squared: Array) -> float:
@@ -154,7 +154,7 @@ class Correspondences:
     def squared(self, T_a_b: Array) -> Array:
         """Squared residuals (M,) of a motion, as `refined` gives those of the best."""
         squared: Array = normal_equations(
-            T_a_b, *self._measured, self._variances, self._depth_variances
+            T_a_b, *self._measured, self._variances, self._depth_variances, 1.0
         )[2]
         return squared
 

@@ -23,7 +23,7 @@ def gauss_newton(
     cameras: Array,
     variances: Array,
     depth_variances: Array,
-    converged: float = CONVERGED,
+    converged: float,
 ) -> tuple[Array, Array, Array]:
     """The refined ``T_a_b``, with the normal matrix (6, 6) and squared residuals (M,) there.
 
@@ -61,7 +61,7 @@ def normal_equations(
     cameras: Array,
     variances: Array,
     depth_variances: Array,
-    variance: float = 1.0,
+    variance: float,
 ) -> tuple[Array, Array, Array]:
     """Normal matrix (6, 6), gradient (6,) and squared residuals (M,) of a motion.
 

@@ -100,11 +100,6 @@ def _probabilities(chain: Sequence[_RivalStep]) -> list[Array]:
 def _log_going_on(last: _RivalStep, step: _RivalStep) -> Array:
     """How likely each rival of a step (C,) goes on as each of the last (B,): logarithms (C, B)."""
     pasts = [PastStep(np.eye(4), e.T_a_b, last.took_s, 0.0, 1.0) for e in last.rivals.estimates]
-    likely = [
-        [
-            past.goes_on(se3.inverse(past.onward(step.took_s)) @ e.T_a_b, step.took_s)
-            for past in pasts
-        ]
-        for e in step.rivals.estimates
-    ]
-    return np.log(likely)
+    motions, took_s = np.stack([e.T_a_b for e in step.rivals.estimates]), step.took_s
+    likely = [past.goes_on(se3.inverse(past.onward(took_s)) @ motions, took_s) for past in pasts]
+    return np.log(likely).T

@@ -10,6 +10,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from vnav.core import se3
 from vnav.core.arrays import Array
@@ -40,12 +41,15 @@ class PastStep:
         steps = gap_s / self.took_s if self.took_s > 0 else 1.0
         return _scaled(self.motion, float(np.clip(steps, 0.0, MAX_STEPS)))
 
-    def goes_on(self, T_likely_next: Array, stamp_s: float) -> float:
-        """How likely the camera is so far from where the step leads, 1 at most: Cauchy's tails."""
+    def goes_on(self, T_likely_next: Array, stamp_s: float) -> Array:
+        """How likely the camera (..., 4, 4) is so far from where the step leads, 1 at most.
+
+        Cauchy's tails.
+        """
         gap_s = stamp_s - self.stamp_s
         usual = np.array(ACCELERATIONS) * gap_s * (gap_s + self.took_s) / 2 + STEP_SIGMAS
-        off = np.linalg.norm(se3.deviation(T_likely_next).reshape(2, 3), axis=1)
-        return 1 / float(np.prod(1 + (off / usual) ** 2))
+        off = se3.deviation(T_likely_next).reshape(*T_likely_next.shape[:-2], 2, 3)
+        return np.asarray(1 / np.prod(1 + (np.linalg.norm(off, axis=-1) / usual) ** 2, -1))
 
 
 class ConstantVelocity:
@@ -108,14 +112,14 @@ class ConstantVelocity:
         suggested = [] if self._T_suggested is None else [self._T_suggested]
         return [T_start_last @ T for T in (*suggested, self._T_last_next)] + [T_start_last]
 
-    def log_prior(self, T_start_next: Array) -> float:
-        """How likely the next frame is there, as a log-density: 0 where the motion goes on.
+    def log_prior(self, T_start_next: Array) -> Array:
+        """How likely the next frame is at poses (..., 4, 4): log-densities, 0 if it goes on.
 
         It is 0 anywhere before there is a velocity. Where the last step was mistaken, the motion
         goes on as the step before; another pose is as likely as all of them were: what repeats goes
         on as another motion would. What is faster than a camera is carried is hardly likely.
         """
-        likely = 1.0
+        likely = np.ones(T_start_next.shape[:-2])
         for step in self._steps:
             if step.took_s <= 0:
                 continue
@@ -124,18 +128,18 @@ class ConstantVelocity:
             T_likely_next = se3.inverse(step.T_start_camera @ T_step_next) @ T_start_next
             goes_on, p = step.goes_on(T_likely_next, self._next_s), max(step.probability, 0.5)
             likely = goes_on + (1 - goes_on) * likely * (1 - p) / p
-        return float(np.log(likely * (RUSH if self._is_rush(T_start_next) else 1.0)))
+        return np.asarray(np.log(likely * np.where(self._is_rush(T_start_next), RUSH, 1.0)))
 
-    def _is_rush(self, T_start_next: Array) -> bool:
-        """Whether the camera would go faster than one is carried, and than it went before."""
+    def _is_rush(self, T_start_next: Array) -> NDArray[np.bool_]:
+        """At which poses the camera went faster than one is carried, and than it did before."""
         last = self._steps[-1]
         gap_s = self._next_s - last.stamp_s
         if last.took_s <= 0 or gap_s <= 0:
-            return False
+            return np.zeros(T_start_next.shape[:-2], bool)
         before = [speeds(step.motion, step.took_s) for step in self._steps if step.took_s > 0]
         limits = np.maximum(FASTEST, TIMES_FASTER * np.max(before, 0))
         asked = speeds(se3.inverse(last.T_start_camera) @ T_start_next, max(gap_s, last.took_s))
-        return bool((asked > limits).any())
+        return np.asarray((asked > limits).any(-1))
 
     @property
     def twist(self) -> Array:

@@ -30,7 +30,7 @@ MAX_POSES = 12  # that are judged
 MUCH = 0.1  # share of an image that refutes a pose, where it is asked for another
 MAX_LOG_ODDS = 10.0  # of the best pose over a rival by pixels: more, no motion after it makes up
 MIN_ALTERNATIVE = 0.05  # probability of a pose that is kept beside the best
-LogPrior = Callable[[Array], float]  # how likely a pose ``T_track_current`` is by itself
+LogPrior = Callable[[Array], Array]  # how likely poses ``T_track_current`` (C, 4, 4) are
 Motions = dict[int, PoseEstimate]  # to the current frame, by the row of the frame they are from
 
 
@@ -147,9 +147,9 @@ class _Pose:
     motions: Motions = field(default_factory=dict)
 
 
-def evenly_likely(_T_track_current: Array) -> float:
-    """The prior where nothing is known of the motion."""
-    return 0.0
+def evenly_likely(T_track_current: Array) -> Array:
+    """The prior (C,) of poses where nothing is known of the motion."""
+    return np.zeros(len(T_track_current))
 
 
 class PoseChoice:
@@ -222,7 +222,7 @@ class PoseChoice:
         if len(self._probabilities) == len(self._poses):
             return
         evidence = [self._judged(target) for target in self._targets]
-        log_prior = np.array([self._log_prior(T) for T in self.poses])
+        log_prior = self._log_prior(np.stack(self.poses))
         of_all = reduce(add, evidence)
         self._log_odds = np.minimum(evidence[0].log_odds, of_all.log_odds)
         self._probabilities, self._refuting = of_all.posterior(log_prior), of_all.refuting
