@@ -75,6 +75,15 @@ def test_pairs_that_no_path_joins_are_left_out() -> None:
     ]
 
 
+def test_a_path_of_more_than_the_most_variance_is_left_out() -> None:
+    T = walk(4)
+    exact = [Edge(k, k + 1, se3.inverse(T[k]) @ T[k + 1], INFORMATION) for k in range(3)]
+    (path,) = shortest_paths(exact, [(0, 3)])
+    variance = float(np.trace(np.linalg.inv(path.information)))
+    pairs = [(0, 3), (0, 3)]
+    assert len(shortest_paths(exact, pairs, [0.99 * variance, 1.01 * variance])) == 1
+
+
 def test_poses_are_propagated_along_edges_from_known_ones_which_stay() -> None:
     T = walk(4)
     edges = [Edge(k, k + 1, se3.inverse(T[k]) @ T[k + 1], INFORMATION) for k in (0, 1)]

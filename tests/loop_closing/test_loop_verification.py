@@ -8,9 +8,17 @@ import pytest
 from vnav.config import Config
 from vnav.core import se3
 from vnav.core.camera import Intrinsics
+from vnav.core.frame import PoseEstimate
+from vnav.core.graph import shortest_paths
 from vnav.core.mapping import Odometry
 from vnav.loop_closing.loop_candidates import LoopCandidate
-from vnav.loop_closing.loop_verification import AMBIGUOUS, Closures, LoopVerifier
+from vnav.loop_closing.loop_verification import (
+    AMBIGUOUS,
+    LOOSE,
+    TIMES_LOOSER,
+    Closures,
+    LoopVerifier,
+)
 from vnav.registration.points3d import PointRegistration
 
 CONFIG = Config()
@@ -106,3 +114,28 @@ def test_pixels_choose_between_the_motion_found_and_the_one_near_the_poses(
     assert [v.reason for v in closures.verdicts] == [AMBIGUOUS if taken == "neither" else ""]
     off = [se3.inverse(motions[taken]) @ edge.T_i_j for edge in closures.edges]
     assert all(np.linalg.norm(T[:3, 3]) < 0.02 for T in off)
+
+
+@pytest.mark.parametrize(
+    ("looser", "is_joined", "reason"), [(1.1, True, LOOSE), (0.9, True, ""), (1.1, False, "")]
+)
+def test_a_loop_is_left_out_that_tells_far_less_than_the_path_that_odometry_has(
+    odometry: Odometry,
+    camera: Intrinsics,
+    monkeypatch: pytest.MonkeyPatch,
+    looser: float,
+    is_joined: bool,
+    reason: str,
+) -> None:
+    last = len(odometry.keyframes) - 1
+    (path,) = shortest_paths(odometry.motions, [odometry.keyframe_rows[[0, last]].tolist()])
+    noise = (looser * TIMES_LOOSER) ** 2
+    loop = PoseEstimate(path.T_i_j, path.information / noise, np.zeros((30, 2), np.int32), 30)
+    monkeypatch.setattr(PointRegistration, "register", lambda *_: loop)
+    if not is_joined:
+        odometry = dataclasses.replace(odometry, edges=odometry.edges[:1], degenerate_edges=())
+    closures = Closures()
+    verifier = LoopVerifier(odometry, [camera], CONFIG)
+    verifier.verify([LoopCandidate(0, last, "appearance", 0.5)], closures)
+    assert [v.reason for v in closures.verdicts] == [reason]
+    assert len(closures.edges) == (not reason)

@@ -81,28 +81,35 @@ def component_roots(nodes: NDArray[np.intp], edges: Sequence[Edge]) -> list[int]
     return sorted({root(int(n)) for n in nodes})
 
 
-def shortest_paths(edges: Sequence[Edge], pairs: Sequence[tuple[int, int]]) -> list[Edge]:
+def shortest_paths(
+    edges: Sequence[Edge], pairs: Sequence[tuple[int, int]], most: Sequence[float] | None = None
+) -> list[Edge]:
     """For each pair (i, j), i < j, the edge composed along the path with the least variance.
 
-    Paths go forward, from a frame to a later one. A pair that no path joins is left out.
-    Covariances add up as if the errors of edges were independent.
+    Paths go forward, from a frame to a later one. A pair that no path joins is left out, and one
+    whose path has a total variance beyond the ``most`` for it. Covariances add up as if the errors
+    of edges were independent.
     """
     into: dict[int, list[Edge]] = {}
     for e in edges:
         into.setdefault(e.j, []).append(e)
-    paths = [(i, j, _shortest_path(into, i, j)) for i, j in pairs]
+    limits = [np.inf] * len(pairs) if most is None else most
+    paths = [
+        (*ij, _shortest_path(into, *ij, limit)) for ij, limit in zip(pairs, limits, strict=True)
+    ]
     return [Edge(i, j, p[0], np.asarray(np.linalg.inv(p[1]))) for i, j, p in paths if p is not None]
 
 
 def _shortest_path(
-    into: dict[int, list[Edge]], first: int, last: int
+    into: dict[int, list[Edge]], first: int, last: int, most: float
 ) -> tuple[Array, Array] | None:
     """Motion and covariance (6, 6) from a frame to a later one, None where no path joins them."""
     paths = {first: (np.eye(4), np.zeros((6, 6)))}
     for row in range(first + 1, last + 1):
         found = [_composed(*paths[e.i], e) for e in into.get(row, ()) if e.i in paths]
-        if found:
-            paths[row] = min(found, key=lambda path: float(np.trace(path[1])))
+        shortest = min(found, key=lambda path: float(np.trace(path[1])), default=None)
+        if shortest is not None and np.trace(shortest[1]) <= most:
+            paths[row] = shortest
     return paths.get(last)
 
 

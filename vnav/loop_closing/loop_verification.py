@@ -14,7 +14,7 @@ from vnav.core import se3
 from vnav.core.arrays import Array
 from vnav.core.camera import Intrinsics
 from vnav.core.frame import Edge, PoseEstimate, Rejected
-from vnav.core.graph import log_odds_of, weakest
+from vnav.core.graph import log_odds_of, shortest_paths, weakest
 from vnav.core.mapping import LoopVerdict, Odometry
 from vnav.core.progress import Progress, silent
 from vnav.core.view_overlap import are_apart
@@ -25,6 +25,8 @@ from vnav.registration.points3d import PointRegistration
 
 NEIGHBOURS = 3  # keyframes apart: what odometry demands of a match will do, for it joined them
 AMBIGUOUS = "two motions fit alike"
+TIMES_LOOSER = 5.0  # than odometry, in sigmas: a loop tells nothing, though odometry claim too much
+LOOSE = "odometry tells the motion far better"
 LogOdds = Callable[[int, int, Sequence[Array]], Array]  # rows i and j, motions: (C + 1, C + 1)
 
 
@@ -107,15 +109,18 @@ class LoopVerifier:
 
         Poses of all frames (N, 4, 4), where they are known, tell where matches are to be expected.
         """
+        estimates: list[PoseEstimate | Rejected] = []
         with ThreadPoolExecutor(os.cpu_count()) as pool:
-            estimates = pool.map(lambda c: self._register(c, T_world_camera), candidates)
-            for n, (candidate, estimate) in enumerate(zip(candidates, estimates, strict=True), 1):
-                self._progress("loops", n, len(candidates))
-                is_loop = bool(self._apart[candidate.i, candidate.j])
-                if isinstance(estimate, Rejected):
-                    found.reject(candidate, estimate, is_loop)
-                else:
-                    found.accept(candidate, self._edge(candidate, estimate), estimate, is_loop)
+            for estimate in pool.map(lambda c: self._register(c, T_world_camera), candidates):
+                estimates.append(estimate)
+                self._progress("loops", len(estimates), len(candidates))
+        estimates = self._without_loose(candidates, estimates)
+        for candidate, estimate in zip(candidates, estimates, strict=True):
+            is_loop = bool(self._apart[candidate.i, candidate.j])
+            if isinstance(estimate, Rejected):
+                found.reject(candidate, estimate, is_loop)
+            else:
+                found.accept(candidate, self._edge(candidate, estimate), estimate, is_loop)
 
     def _register(
         self, candidate: LoopCandidate, T_world_camera: Array | None
@@ -139,6 +144,24 @@ class LoopVerifier:
         led_there = _apart_px(points, of_b, T_a_b, near.T_a_b) < settings.refine_radius_px
         before = self._log_odds_before(candidate) if led_there else 0.0
         return self._preferred(found, near, before, a.row, b.row)
+
+    def _without_loose(
+        self, candidates: Sequence[LoopCandidate], estimates: Sequence[PoseEstimate | Rejected]
+    ) -> list[PoseEstimate | Rejected]:
+        """The estimates, without loops that tell far less than odometry from one to the other."""
+        most = {
+            self._rows(c): float(np.trace(np.linalg.inv(e.information))) / TIMES_LOOSER**2
+            for c, e in zip(candidates, estimates, strict=True)
+            if isinstance(e, PoseEstimate) and self._apart[c.i, c.j]
+        }
+        paths = shortest_paths(self._odometry.motions, list(most), list(most.values()))
+        loose = {(path.i, path.j) for path in paths}
+        return [
+            Rejected(LOOSE, e.matches, e.agreeing)
+            if isinstance(e, PoseEstimate) and self._rows(c) in loose
+            else e
+            for c, e in zip(candidates, estimates, strict=True)
+        ]
 
     def _preferred(
         self, found: PoseEstimate, near: PoseEstimate, before: float, i: int, j: int
@@ -165,8 +188,7 @@ class LoopVerifier:
         """
         if self._odometry.given or not self._are_neighbours(candidate):
             return 0.0
-        i, j = self._odometry.keyframe_rows[[candidate.i, candidate.j]].tolist()
-        return log_odds_of(weakest(self._odometry.edges, i, j)[1])
+        return log_odds_of(weakest(self._odometry.edges, *self._rows(candidate))[1])
 
     def _by_odometry(self, i: int, j: int) -> Array:
         """The motion from row i to j as odometry has it, within a segment."""
@@ -176,13 +198,17 @@ class LoopVerifier:
     def _are_neighbours(self, candidate: LoopCandidate) -> bool:
         """Whether odometry joined the two, with few keyframes between."""
         i, j = candidate.i, candidate.j
-        segment = self._odometry.segment[self._odometry.keyframe_rows[[i, j]]]
+        segment = self._odometry.segment[list(self._rows(candidate))]
         return bool(j - i <= NEIGHBOURS and segment[0] == segment[1])
 
     def _edge(self, candidate: LoopCandidate, estimate: PoseEstimate) -> Edge:
-        i, j = (self._odometry.keyframes[k].row for k in (candidate.i, candidate.j))
-        edge = Edge(i, j, estimate.T_a_b, estimate.information)
+        edge = Edge(*self._rows(candidate), estimate.T_a_b, estimate.information)
         return edge.with_added_noise(*self._added_noise)
+
+    def _rows(self, candidate: LoopCandidate) -> tuple[int, int]:
+        """Of the frames that its keyframes are."""
+        keyframes = self._odometry.keyframes
+        return keyframes[candidate.i].row, keyframes[candidate.j].row
 
 
 def _apart_px(points: Array, of_b: Intrinsics, T_a_b: Array, other: Array) -> float:
