@@ -11,18 +11,26 @@ from vnav.core.reduced_frame import ReducedFrame
 from vnav.masking.motion import MotionMask
 from vnav.masking.view import Blocks, MaskedView, PosedView, still
 
+Region = tuple[slice, slice]
 WALL_M, TROUSERS_M, SHIRT_M, SOMEBODY_M = 3.0, 2.0, 2.07, 1.2
 TROUSERS, SHIRT = (slice(30, 50), slice(30, 50)), (slice(10, 30), slice(30, 50))
-HIDDEN = (slice(0, 30), slice(20, 60))  # the shirt and more, by somebody else
+BESIDE_SHIRT = (slice(6, 30), slice(24, 56))  # a cupboard as near as the shirt, about it
+HIDDEN, FARTHER_DOWN = (slice(0, 30), slice(20, 60)), (slice(0, 38), slice(20, 60))
 AGO_S = 0.4
 
 
-def view(trousers_m: float, shirt_m: float, is_hidden: bool = False) -> PosedView:
-    """The wall, and what is before it, by depth in metres, with the noise of blocks."""
+def view(
+    trousers_m: float, shirt_m: float, hidden: Region | None = None, beside_m: float = WALL_M
+) -> PosedView:
+    """The wall, and what is before it, by depth in metres, with the noise of blocks.
+
+    Somebody else may have ``hidden`` a part.
+    """
     depth_m = np.full((CAMERA.height, CAMERA.width), WALL_M)
+    depth_m[BESIDE_SHIRT] = beside_m
     depth_m[TROUSERS], depth_m[SHIRT] = trousers_m, shirt_m
-    if is_hidden:
-        depth_m[HIDDEN] = SOMEBODY_M
+    if hidden is not None:
+        depth_m[hidden] = SOMEBODY_M
     noise = 0.00035 * np.random.default_rng(0).standard_normal(depth_m.shape)
     grey = np.full(depth_m.shape, 128.0)
     frame = ReducedFrame(0.0, grey, 1 / depth_m + noise, CAMERA)
@@ -30,10 +38,13 @@ def view(trousers_m: float, shirt_m: float, is_hidden: bool = False) -> PosedVie
 
 
 def masked(
-    others: list[PosedView], shirt_m: float = SHIRT_M, warp: str = "depth"
+    others: list[PosedView],
+    shirt_m: float = SHIRT_M,
+    warp: str = "depth",
+    beside_m: float = WALL_M,
 ) -> tuple[np.ndarray, Blocks]:
     """Times of a view in which the trousers are known to move, and what moves at all."""
-    seen = view(TROUSERS_M, shirt_m)
+    seen = view(TROUSERS_M, shirt_m, beside_m=beside_m)
     moved_s = still(seen)
     moved_s[TROUSERS] = AGO_S
     mask = MotionMask(load(settings=["masking.method=motion", f"masking.warp={warp}"]))
@@ -42,7 +53,8 @@ def masked(
 
 
 ONLY_TROUSERS_LEFT = view(WALL_M, SHIRT_M)
-SHIRT_HIDDEN = view(WALL_M, WALL_M, is_hidden=True)
+SHIRT_HIDDEN = view(WALL_M, WALL_M, HIDDEN)
+BELT_HIDDEN = view(WALL_M, WALL_M, FARTHER_DOWN)
 BOTH_IN_PLACE = view(TROUSERS_M, SHIRT_M)
 
 
@@ -50,6 +62,18 @@ def test_what_touches_a_surface_that_has_left_moves_with_it_though_it_is_hidden_
     moved_s, moving = masked([SHIRT_HIDDEN, BOTH_IN_PLACE])
     assert moving[SHIRT].mean() > 0.95
     assert moved_s[SHIRT][moving[SHIRT]] == pytest.approx(AGO_S)
+
+
+def test_what_stands_free_moves_with_a_body_that_has_left_though_what_joins_them_is_hidden() -> (
+    None
+):
+    _, moving = masked([BELT_HIDDEN, BOTH_IN_PLACE])
+    assert moving[SHIRT].mean() > 0.95
+
+
+def test_what_is_joined_to_other_things_does_not() -> None:
+    _, moving = masked([BELT_HIDDEN, BOTH_IN_PLACE], beside_m=SHIRT_M + 0.07)
+    assert not moving[SHIRT].any()
 
 
 def test_the_wall_behind_does_not_move_with_it() -> None:

@@ -1,12 +1,14 @@
 """Surfaces of one body with what moves: they touch it, and no view sees them stay when it has left.
 
 003 S34 grows regions over continuous depth. A body has edges of its own, as between a shirt and
-trousers, so that it has several surfaces. Floor and furniture touch it, too, but they stay.
+trousers, so that it has several surfaces. Floor and furniture touch it, too, but they stay. Where a
+body comes into view, no view may have seen the place of one leg: that stands free, as walls do not.
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -29,6 +31,7 @@ REACH = 2  # blocks from one that touches another: at an edge there may be no de
 BEHIND = 2  # blocks behind that one: so far in, none of the other is about
 STEP_M = 0.1  # between surfaces that touch, at most
 LEAST = 3  # blocks that touch, that are seen through, that are seen in place
+STANDS_FREE = 0.5  # share of its border
 SAMPLES = 100  # blocks of a surface that are asked for, if it has so many
 
 
@@ -38,8 +41,9 @@ def with_attached(
     """Times (h, w) of a masked view, with the surfaces that are attached to what moves.
 
     A surface is attached where it touches blocks that move, a view sees through most of these, and
-    no such view sees most of the surface in its place. It moves when the blocks do. Views that do
-    not fit well tell less, as in `count_votes`.
+    no such view sees most of the surface in its place. For one that stands free, a view will do
+    that sees through most of all that moves in one piece with these blocks, and not them in place.
+    It moves when the blocks do. Views that do not fit well tell less, as in `count_votes`.
     """
     view, moved_s = masked.view, masked.moved_s
     count, moving = int(view.surfaces.max()) + 1, np.isfinite(moved_s)
@@ -48,13 +52,19 @@ def with_attached(
     if not is_touched.any():
         return moved_s
     beside = _sampled(np.where(is_touched[view.surfaces] & ~moving, view.surfaces, 0))
+    bodies = _bodies(touching, moving, view, is_touched)
+
+    def left_in(other: PosedView, noise: float) -> Blocks:
+        by_body = bodies.most(FREE, view, other, noise, margin_m, count)
+        by_body &= ~touching.most(SAME, view, other, noise, margin_m, count)
+        return by_body | touching.most(FREE, view, other, noise, margin_m, count)
+
     has_left, stays = np.zeros((2, count), bool)
     sigma = float(np.sqrt(2)) * sigma_per_m2
     for other in others:
-        left = touching.most(FREE, view, other, sigma, margin_m, count)
-        if left.any():
+        if left_in(other, sigma).any():
             off = max(sigma, misfit(view, other, sigma_per_m2, margin_m))
-            left = touching.most(FREE, view, other, off, margin_m, count)
+            left = left_in(other, off)
             has_left |= left
             stays |= left & beside.most(SAME, view, other, off, margin_m, count)
     soonest_s = np.full(count, np.inf, np.float32)
@@ -96,6 +106,53 @@ class _Asked:
             margin_m,
         )
         return np.asarray((votes[answer] >= LEAST) & (votes[answer] > votes[1 - answer]))
+
+
+def _bodies(touching: _Asked, moving: Blocks, view: PosedView, is_touched: Blocks) -> _Asked:
+    """Some blocks of all that moves in one piece with what touches a surface that stands free."""
+    border, before = _borders(moving, view.surfaces, view.frame.inverse_depth, len(is_touched))
+    is_asked = is_touched & (before >= STANDS_FREE * border)
+    piece = cv2.connectedComponents(moving.astype(np.uint8), connectivity=4)[1].astype(np.int32)
+    pairs = np.unique(np.stack([touching.surface, piece.flat[touching.blocks]]), axis=1)
+    surfaces, pieces = pairs[:, is_asked[pairs[0]]]
+    sampled = _sampled(np.where(np.isin(piece, pieces), piece, 0))
+    asked = [sampled.blocks[sampled.surface == number] for number in pieces]
+    of_surface = np.repeat(surfaces, [len(blocks) for blocks in asked])
+    return _Asked(np.concatenate([np.zeros(0, np.intp), *asked]), of_surface)
+
+
+@compiled
+def _borders(
+    moving: Blocks, number: NDArray[np.int32], inverse_depth: Floats, count: int
+) -> NDArray[np.int32]:
+    """Length (2, S) of surfaces' borders, and of the part where the next moves or is far behind."""
+    height, width = moving.shape
+    moving_at, depth_of = moving.ravel(), inverse_depth.ravel()
+    border = np.zeros((2, count), np.int32)
+    for v in range(height):
+        for u in range(width):
+            if number[v, u] == 0 or moving[v, u]:
+                continue
+            for dv, du in ((0, 1), (1, 0), (0, -1), (-1, 0)):
+                beyond = _beyond(v, u, dv, du, number)
+                if beyond >= 0:
+                    w, other = inverse_depth[v, u], depth_of[beyond]
+                    border[0, number[v, u]] += 1
+                    border[1, number[v, u]] += moving_at[beyond] or w - other > STEP_M * w * other
+    return border
+
+
+@compiled
+def _beyond(v: int, u: int, dv: int, du: int, number: NDArray[np.int32]) -> int:
+    """The block of the next surface in one direction, past an edge without depth; -1: none."""
+    height, width = number.shape
+    for k in range(1, REACH + 2):
+        i, j = v + k * dv, u + k * du
+        if not (0 <= i < height and 0 <= j < width) or number[i, j] == number[v, u]:
+            return -1
+        if number[i, j] > 0:
+            return int(i * width + j)
+    return -1
 
 
 def _sampled(number: NDArray[np.int32]) -> _Asked:

@@ -40,7 +40,7 @@ from vnav.volumes.fusion import FusedVolumes, PosedFrame, fuse
 from vnav.volumes.octree import Leaves, Octree
 
 STAGE = "fuse"
-BESIDE_PX = BLOCK_PX  # of what moves, which its edge reaches into: no depth of it is fused
+BESIDE_PX = 3 * BLOCK_PX  # of what moves, not fused: its edge, and what a mask misses of an arm
 
 
 @one_blas_thread
