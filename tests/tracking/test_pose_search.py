@@ -252,3 +252,11 @@ def test_a_motion_by_features_stays_where_the_pixels_tell_the_same() -> None:
         row: e.agreeing for row, e in by_features.estimates.items()
     }
     assert choice.probability > 0.95
+
+
+def test_all_pixels_leave_a_rival_by_features_where_it_is() -> None:
+    frames, near = tracked_views([[SHELVES]] * 3), at(NOW_M + 0.01)
+    by_features = PoseSearch(CONFIG).search(*frames, [near, at(NOW_M - PERIOD_M)])
+    choice = PoseSearch(CONFIG).by_pixels(*frames, by_features, [near])
+    assert choice.alternatives.keys() == by_features.alternatives.keys()
+    assert choice.probability < 0.95

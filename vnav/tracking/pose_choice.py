@@ -129,6 +129,12 @@ class ChosenMotions:
         """That the motions to the best pose are the camera's; 1 where there are none."""
         return min((e.probability for e in self.estimates.values()), default=1.0)
 
+    def from_row(self, row: int) -> list[PoseEstimate]:
+        """Those from one frame: to the best pose, to the next, and to its rivals."""
+        found = [motions[row] for motions in (self.estimates, self.alternatives) if row in motions]
+        rivals = self.rivals.estimates if self.rivals and self.rivals.target == row else ()
+        return [*found, *rivals]
+
     def exchanged(self) -> "ChosenMotions":
         """The next pose for the best, as probable as that was, where more than pixels says so."""
         p, q = self.probability, ChosenMotions(self.alternatives).probability

@@ -90,15 +90,15 @@ class PoseSearch:
         """The choice again, after motions by all pixels were held against those of features.
 
         They are sought from the first target, near the chosen pose and near those expected. Where
-        both lead to one pose, they tell the motion together.
+        both lead to one pose, they tell the motion together. Rivals of the choice stay rivals.
         """
         first, poses = targets[0], PoseChoice(targets, current.image, self._config, log_prior)
-        chosen = [(t, choice.estimates[t.row]) for t in targets if t.row in choice.estimates]
-        poses.suggest([target.pose(estimate.T_a_b) for target, estimate in chosen])
+        known = [(t, found) for t in targets for found in choice.from_row(t.row)]
+        poses.suggest([target.pose(estimate.T_a_b) for target, estimate in known])
         poses.suggest(expected)
         for pose in poses.poses:
             poses.add(first, self._aligned(first, current, pose))
-        for target, estimate in chosen:
+        for target, estimate in known:
             poses.add(target, [estimate])
         poses.judge()
         return poses.result()
