@@ -91,25 +91,33 @@ def shortest_paths(
     of edges were independent.
     """
     into: dict[int, list[Edge]] = {}
+    reach: dict[int, int] = {}
     for e in edges:
         into.setdefault(e.j, []).append(e)
+        reach[e.i] = max(e.j, reach.get(e.i, e.j))
     limits = [np.inf] * len(pairs) if most is None else most
     paths = [
-        (*ij, _shortest_path(into, *ij, limit)) for ij, limit in zip(pairs, limits, strict=True)
+        (*ij, _shortest_path(into, reach, *ij, limit))
+        for ij, limit in zip(pairs, limits, strict=True)
     ]
     return [Edge(i, j, p[0], np.asarray(np.linalg.inv(p[1]))) for i, j, p in paths if p is not None]
 
 
 def _shortest_path(
-    into: dict[int, list[Edge]], first: int, last: int, most: float
+    into: dict[int, list[Edge]], reach: dict[int, int], first: int, last: int, most: float
 ) -> tuple[Array, Array] | None:
-    """Motion and covariance (6, 6) from a frame to a later one, None where no path joins them."""
-    paths = {first: (np.eye(4), np.zeros((6, 6)))}
+    """Motion and covariance (6, 6) from a frame to a later one, None where no path joins them.
+
+    ``reach``: the last frame that edges lead to from each; beyond that of all on the way is none.
+    """
+    paths, end = {first: (np.eye(4), np.zeros((6, 6)))}, reach.get(first, first)
     for row in range(first + 1, last + 1):
+        if row > end:
+            return None
         found = [_composed(*paths[e.i], e) for e in into.get(row, ()) if e.i in paths]
         shortest = min(found, key=lambda path: float(np.trace(path[1])), default=None)
         if shortest is not None and np.trace(shortest[1]) <= most:
-            paths[row] = shortest
+            paths[row], end = shortest, max(end, reach.get(row, row))
     return paths.get(last)
 
 
