@@ -1,6 +1,7 @@
 """Regions of blocks: opened, large, grown over a body."""
 
 import numpy as np
+import pytest
 
 from tests.masking.moving_box import CAMERA
 from vnav.core.reduced_frame import ReducedFrame
@@ -145,6 +146,23 @@ def test_a_body_goes_on_where_it_is_too_near_for_the_sensor() -> None:
         inverse_depth[:, :20] = 0
         result = np.isfinite(completed(moved(inverse_depth > 0.5), view(inverse_depth), NOWHERE))
         assert result[:, :15].all() == goes_on
+
+
+@pytest.mark.parametrize(("margin", "reaches"), [(6, True), (12, False)])
+@pytest.mark.parametrize("turns", range(4))
+def test_what_moves_reaches_into_a_margin_where_the_sensor_has_no_depth(
+    margin: int, reaches: bool, turns: int
+) -> None:
+    inverse_depth = np.full(SHAPE, 1 / 3.0)
+    moving = blocks(np.s_[20:40, 30:50])
+    of_side, known = (np.rot90(image, turns) for image in (moving, inverse_depth))
+    known[:margin] = 0
+    of_side[margin : margin + 10, 25:45] = True
+    of_side[:margin] = False
+    result = np.isfinite(completed(moved(moving), view(inverse_depth), NOWHERE))
+    side = np.rot90(result, turns)[0]
+    assert side[27:43].all() == reaches
+    assert not side[:20].any()
 
 
 def test_of_other_regions_those_are_taken_that_touch() -> None:

@@ -18,6 +18,7 @@ LEAST_SHARE = 0.006  # of the image, that a body has: regions that are smaller m
 WHOLE = 1 / 3  # of a surface: where so much moves, all of it does
 MAX_SAME = 5  # views that see a surface where it is, for it to be part of what moves
 EDGE = 2  # blocks without depth beside a region that are its own: the sensor has none at edges
+MARGIN, UNKNOWN = 0.1, 0.05  # of the image's width, at a side; share of a row that has depth there
 NEAR_M = 0.8  # what is nearer may have no depth: a sensor's range begins there or before
 BORDER = 0.5  # of a region without depth: where so much is near and moves, the region is too near
 
@@ -89,7 +90,20 @@ def completed(moved_s: Floats, view: PosedView, stays: Blocks) -> Floats:
     moving |= whole[number] & ~stays
     for _ in range(EDGE):
         moving |= widened(moving) & (number == 0)
-    return joined(moved_s, moving | _too_near(moving, view), number)
+    return joined(moved_s, _into_margins(moving | _too_near(moving, view), number > 0), number)
+
+
+def _into_margins(moving: Blocks, known: Blocks) -> Blocks:
+    """With what moves reaching on to the edges of the image, where the sensor's view ends before.
+
+    Depth that is registered to colour leaves a margin at some sides.
+    """
+    for turns in range(4):
+        of_side, depth = np.rot90(moving, turns), np.rot90(known, turns)
+        begin = int((depth.mean(1) > UNKNOWN).argmax())
+        if 0 < begin <= MARGIN * known.shape[1]:
+            of_side[:begin] |= of_side[begin]
+    return moving
 
 
 def _too_near(moving: Blocks, view: PosedView) -> Blocks:
