@@ -55,9 +55,9 @@ def with_attached(
     bodies = _bodies(touching, moving, view, is_touched)
 
     def left_in(other: PosedView, noise: float) -> Blocks:
-        by_body = bodies.most(FREE, view, other, noise, margin_m, count)
-        by_body &= ~touching.most(SAME, view, other, noise, margin_m, count)
-        return by_body | touching.most(FREE, view, other, noise, margin_m, count)
+        asked = view, other, noise, margin_m, count
+        of_body, of_touching = bodies.most(*asked), touching.most(*asked)
+        return np.asarray(of_touching[FREE] | (of_body[FREE] & ~of_touching[SAME]))
 
     has_left, stays = np.zeros((2, count), bool)
     sigma = float(np.sqrt(2)) * sigma_per_m2
@@ -66,7 +66,7 @@ def with_attached(
             off = max(sigma, misfit(view, other, sigma_per_m2, margin_m))
             left = left_in(other, off)
             has_left |= left
-            stays |= left & beside.most(SAME, view, other, off, margin_m, count)
+            stays |= left & beside.most(view, other, off, margin_m, count)[SAME]
     soonest_s = np.full(count, np.inf, np.float32)
     np.minimum.at(soonest_s, touching.surface, moved_s.ravel()[touching.blocks])
     soonest_s[~is_touched | ~has_left | stays] = np.inf
@@ -81,15 +81,9 @@ class _Asked:
     surface: NDArray[np.int32]
 
     def most(
-        self,
-        answer: int,
-        view: PosedView,
-        other: PosedView,
-        sigma: float,
-        margin_m: float,
-        count: int,
+        self, view: PosedView, other: PosedView, sigma: float, margin_m: float, count: int
     ) -> Blocks:
-        """Of which surfaces (count,) another view sees most blocks in place, or sees through.
+        """Of which surfaces (2, count) another view sees most blocks in place, or sees through.
 
         By the margin, and by the standard deviation of the difference of two inverse depths.
         """
@@ -105,7 +99,7 @@ class _Asked:
             noise,
             margin_m,
         )
-        return np.asarray((votes[answer] >= LEAST) & (votes[answer] > votes[1 - answer]))
+        return np.asarray((votes >= LEAST) & (votes > votes[::-1]))
 
 
 def _bodies(touching: _Asked, moving: Blocks, view: PosedView, is_touched: Blocks) -> _Asked:
