@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from vnav.core.arrays import Array
 from vnav.core.mapping import FrameTable
-from vnav.core.se3 import deviation, inverse
+from vnav.core.se3 import angle_and_distance, inverse
 
 FASTEST = 7.0, 5.0  # rad/s, m/s: of a camera that is carried, or shaken
 OTHERS = 0.95  # share of a recording's motions that are slower than its fast ones
@@ -57,8 +57,7 @@ def between_jumps(
 
 def speeds(motions: Array, took_s: ArrayLike) -> Array:
     """Of motions (..., 4, 4) that take so many seconds (...): rad/s and m/s (..., 2)."""
-    parts = deviation(motions).reshape(*motions.shape[:-2], 2, 3)
-    return np.asarray(np.linalg.norm(parts, axis=-1) / np.asarray(took_s)[..., None])
+    return np.asarray(angle_and_distance(motions) / np.asarray(took_s)[..., None])
 
 
 def _tracks(

@@ -94,6 +94,12 @@ def deviation(T: ArrayLike) -> Array:
     return np.concatenate([log_so3(T[..., :3, :3]), T[..., :3, 3]], -1)
 
 
+def angle_and_distance(T: ArrayLike) -> Array:
+    """How far (..., 2) transforms turn, in radians, and how far they move."""
+    parts = deviation(T)
+    return np.asarray(np.linalg.norm(parts.reshape(*parts.shape[:-1], 2, 3), axis=-1))
+
+
 def quat_xyzw(R: ArrayLike) -> Array:
     """Unit quaternion (..., 4) x, y, z, w of a rotation (..., 3, 3) or transform (Shepperd)."""
     R = np.asarray(R, float)[..., :3, :3]

@@ -23,26 +23,22 @@ class SurfaceCarrier:
 
     def carried(self, view: PosedView, other: MaskedView) -> Floats:
         """When the surfaces (h, w) of a view move, by another that sees them there, else never."""
-        w, values = view.frame.inverse_depth, other.moved_s
-        places = self._places(view, other.view, w)
-        return np.where(places >= 0, values.ravel()[places], np.float32(np.inf))
+        places = self._places(view, other.view)
+        return np.where(places >= 0, other.moved_s.ravel()[places], np.float32(np.inf))
 
     def seen_still(self, view: PosedView, witnesses: Sequence[MaskedView]) -> NDArray[np.int32]:
         """By how many views more a block (h, w) of a view is seen to stand still than to move.
 
         Floor beside a foot, that one mask has covered, moves in that view alone.
         """
-        w = view.frame.inverse_depth
-        still = np.zeros(w.shape, np.int32)
+        still = np.zeros(view.frame.grey.shape, np.int32)
         for witness in witnesses:
-            _count_still(still, self._places(view, witness.view, w), np.isfinite(witness.moved_s))
+            _count_still(still, self._places(view, witness.view), np.isfinite(witness.moved_s))
         return still
 
-    def _places(
-        self, view: PosedView, other: PosedView, inverse_depth: Floats
-    ) -> NDArray[np.int32]:
+    def _places(self, view: PosedView, other: PosedView) -> NDArray[np.int32]:
         """Of blocks (h, w) with depth those of the other view that see them, by number, or -1."""
-        places, expected = places_in(other, view, inverse_depth)
+        places, expected = places_in(other, view)
         _drop_unlike(places, expected, other.frame.inverse_depth, self._noise, self._margin_m)
         return places
 

@@ -61,7 +61,7 @@ def count_votes(
     """
     votes = np.zeros((2, *view.frame.grey.shape), np.float32)
     sigma = np.sqrt(2) * sigma_per_m2
-    fallen = [places_in(other, view, view.frame.inverse_depth, step) for other in others]
+    fallen = [places_in(other, view, step) for other in others]
     told = [_noise(*at, o, sigma, margin_m) for at, o in zip(fallen, others, strict=True)]
     noises, shared = np.array(told).reshape(-1, 2).T
     fits = np.isfinite(noises)
@@ -91,7 +91,7 @@ def misfit(view: PosedView, other: PosedView, sigma_per_m2: float, margin_m: flo
     share too few: a pose is wrong, or they do not see one place. ``sigma_per_m2`` of either, and
     the margin, tell what is one surface.
     """
-    places, expected = places_in(other, view, view.frame.inverse_depth, STRIDE)
+    places, expected = places_in(other, view, STRIDE)
     return _noise(places, expected, other, np.sqrt(2) * sigma_per_m2, margin_m)[0]
 
 
@@ -115,14 +115,12 @@ def _late_blocks(view: PosedView, other: PosedView) -> int:
     return int(MAX_DELAY_S * np.linalg.norm(turn_rad_s) * view.frame.intrinsics.fx)
 
 
-def places_in(
-    other: PosedView, view: PosedView, inverse_depth: Floats, step: int = 1
-) -> tuple[NDArray[np.int32], Floats]:
+def places_in(other: PosedView, view: PosedView, step: int = 1) -> tuple[NDArray[np.int32], Floats]:
     """Of each block (h, w) of a view the one of another where it falls, by number, -1 where none.
 
     And the inverse depth that it has there. Both views have one camera.
     """
-    return _block_places(inverse_depth, projection(other, view), step)
+    return _block_places(view.frame.inverse_depth, projection(other, view), step)
 
 
 def projection(other: PosedView, view: PosedView) -> Projection:

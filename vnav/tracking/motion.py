@@ -48,8 +48,8 @@ class PastStep:
         """
         gap_s = stamp_s - self.stamp_s
         usual = np.array(ACCELERATIONS) * gap_s * (gap_s + self.took_s) / 2 + STEP_SIGMAS
-        off = se3.deviation(T_likely_next).reshape(*T_likely_next.shape[:-2], 2, 3)
-        return np.asarray(1 / np.prod(1 + (np.linalg.norm(off, axis=-1) / usual) ** 2, -1))
+        off = se3.angle_and_distance(T_likely_next)
+        return np.asarray(1 / np.prod(1 + (off / usual) ** 2, -1))
 
 
 class ConstantVelocity:
