@@ -2,7 +2,7 @@
 
 003 S34 grows regions over continuous depth. A body has edges of its own, as between a shirt and
 trousers, so that it has several surfaces. Floor and furniture touch it, too, but they stay. Where a
-body comes into view, no view may have seen the place of one leg: that stands free, as walls do not.
+body comes into view, all views that see a leg may see it in place: legs stand free, walls do not.
 """
 
 from collections.abc import Sequence
