@@ -19,7 +19,8 @@ from vnav.core.mapping import Odometry
 from vnav.io.store.artifacts import load_keyframe
 from vnav.io.store.map_folder import MapFolder
 from vnav.optimisation.robust_graph import RobustGraph, robust_pose_graph
-from vnav.optimisation.second_look import SecondLook
+from vnav.optimisation.second_look import LEAST_PAIRS, SecondLook
+from vnav.registration.surface_agreement import Agreement
 
 RIGHT, WRONG = 3, 6  # closures
 DRIFT_M = 0.12  # along x and z: 15 to 30 sigma of depth at 2 m
@@ -78,6 +79,24 @@ def test_images_bear_out_halves_that_drift_has_moved_and_none_that_are_elsewhere
     assert look.is_borne_out(moved @ odometry.T_segment_camera, first, second) == is_right
 
 
+@pytest.mark.parametrize(("off_m", "is_right"), [(0.0, True), (DRIFT_M, False)])
+def test_images_are_sure_of_halves_that_stand_right_alone(
+    off_m: float, is_right: bool, odometry: Odometry, halves: Odometry, look: SecondLook
+) -> None:
+    first, second = (halves.segment == k for k in (0, 1))
+    moved = np.where(second[:, None, None], se3.make(np.eye(3), [off_m, 0, off_m]), np.eye(4))
+    assert look.is_sure(moved @ odometry.T_segment_camera, first, second) == is_right
+
+
+def test_images_are_not_sure_of_halves_that_few_keyframes_share(
+    odometry: Odometry, halves: Odometry, look: SecondLook, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    few = [Agreement(0, 1, 0.0, 0.0)] * (LEAST_PAIRS - 1)
+    monkeypatch.setattr(look, "_across", lambda *_: (few, few))
+    first, second = (halves.segment == k for k in (0, 1))
+    assert not look.is_sure(odometry.T_segment_camera, first, second)
+
+
 @pytest.mark.parametrize(("off_m", "is_right"), [(0.1, True), (3.0, False)])
 def test_halves_that_follow_each_other_are_not_joined_by_a_leap(
     off_m: float,
@@ -88,7 +107,7 @@ def test_halves_that_follow_each_other_are_not_joined_by_a_leap(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """Shelves that look the same bear out any of them."""
-    monkeypatch.setattr(look, "_agreements", lambda *_: [])
+    monkeypatch.setattr(look, "_across", lambda *_: ([], []))
     first, second = (halves.segment == k for k in (0, 1))
     moved = np.where(second[:, None, None], se3.make(np.eye(3), [off_m, 0, 0]), np.eye(4))
     assert look.is_borne_out(moved @ odometry.T_segment_camera, first, second) == is_right

@@ -6,17 +6,15 @@ edges around a triangle are off by 9 mm together, and each direction shows it wi
 """
 
 import dataclasses
-from collections.abc import Sequence
 
 import numpy as np
 import pytest
 
+from tests.optimisation.walks import EVERY, FixedLook, of_edges, walked
 from vnav.config import OptimiseConfig
 from vnav.core import se3
-from vnav.core.frame import Edge, Features
-from vnav.core.graph import chain
-from vnav.core.mapping import LOST, FrameFeatures, FrameTable, Odometry
-from vnav.features.sift import SPACE
+from vnav.core.frame import Edge
+from vnav.core.mapping import LOST, Odometry
 from vnav.optimisation.contradictions import Contradiction, contradictions
 from vnav.optimisation.cycles import noise_factor, suspects
 from vnav.optimisation.mending import CUT, LEFT_OUT, REGISTERED_AGAIN, TOO_FAST, Mend, mend
@@ -25,27 +23,7 @@ from vnav.optimisation.second_look import Correction
 from vnav.synthetic.circle import LAP, edge, walk
 
 CONFIG = OptimiseConfig()
-EVERY = 4
 SHIFT = se3.make(np.eye(3), [0.1, -0.17, 0.03])  # 0.2 m
-
-
-def walked(T: np.ndarray, seed: int = 0) -> Odometry:
-    """What odometry would make of a walk."""
-    rng, count = np.random.default_rng(seed), len(T)
-    pairs = []
-    for j in range(1, count):
-        keyframe = (j - 1) // EVERY * EVERY
-        pairs += [(i, j) for i in sorted({keyframe, j - 1})]
-    return of_edges([edge(T, i, j, rng) for i, j in pairs], count)
-
-
-def of_edges(edges: Sequence[Edge], count: int) -> Odometry:
-    empty = np.zeros((0, 1), np.float32)
-    none = Features(empty.reshape(0, 2), SPACE.none(), *[empty[:, 0]] * 3, SPACE)
-    keyframes = tuple(FrameFeatures(r, none, empty.reshape(0, 3)) for r in range(0, count, EVERY))
-    poses, segment = chain(count, edges, [k.row for k in keyframes])
-    table = FrameTable(np.zeros(count), np.arange(count), np.arange(count) / 30)
-    return Odometry(table, poses, segment, ("",) * count, tuple(edges), keyframes)
 
 
 def broken(odometry: Odometry, *pairs: tuple[int, int]) -> Odometry:
@@ -161,18 +139,6 @@ def jump(T: np.ndarray) -> Odometry:
     return of_edges(edges, len(T))
 
 
-class FixedLook:
-    """A second look that always finds the same."""
-
-    def __init__(self, edge: Edge | None) -> None:
-        self.edge = edge
-        self.asked = 0
-
-    def correct(self, stretch, T_i_j):  # type: ignore[no-untyped-def]
-        self.asked += 1
-        return None if self.edge is None else Correction(stretch, self.edge)
-
-
 def test_closures_that_contradict_a_stretch_name_it_and_its_motion() -> None:
     T = walk(2 * LAP)
     closures = near_closures(T, np.random.default_rng(4))
@@ -232,7 +198,7 @@ def test_frames_that_jump_away_and_back_are_left_out_with_their_closures(closed:
     T[away] = se3.make(np.eye(3), [0, 3.0, 0]) @ T[away]
     closures = near_closures(T if closed else true, np.random.default_rng(7))
     robust = robust_pose_graph(walked(T), closures, CONFIG, None)
-    assert robust.mends[0] == Mend(46, 49, CUT, is_too_fast=True)
+    assert robust.mends[0] == Mend(46, 49, CUT, why=TOO_FAST)
     assert {robust.odometry.reasons[row] for row in (46, 47, 49)} == {TOO_FAST}
     pairs = zip(closures, robust.graph.kept, strict=True)
     assert not any(kept and 48 in (e.i, e.j) for e, kept in pairs)
@@ -255,7 +221,7 @@ def found_again(T: np.ndarray, source: int) -> Odometry:
 def test_a_place_that_is_found_again_far_from_the_frame_before_is_not_believed() -> None:
     mended = mend(found_again(walk(2 * LAP), 8), [], [], CONFIG)
     segment = mended.odometry.segment
-    assert mended.mends == (Mend(48, 48, CUT, is_too_fast=True),)
+    assert mended.mends == (Mend(48, 48, CUT, why=TOO_FAST),)
     assert len(set(segment[:48])) == len(set(segment[48:])) == 1
     assert segment[47] != segment[48]
 
@@ -279,7 +245,7 @@ def test_frames_that_jump_are_left_out_beside_closures_that_join_nothing() -> No
     closures = near_closures(T, np.random.default_rng(9))
     look = RefusingLook(None)
     robust = robust_pose_graph(of_edges(edges, len(T)), closures, CONFIG, look)  # type: ignore[arg-type]
-    assert robust.mends[0] == Mend(46, 49, CUT, is_too_fast=True)
+    assert robust.mends[0] == Mend(46, 49, CUT, why=TOO_FAST)
     pairs = zip(closures, robust.graph.kept, strict=True)
     kept = [(e.i, e.j) for e, is_kept in pairs if is_kept]
     assert (0, 4) in kept

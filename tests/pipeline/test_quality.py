@@ -15,17 +15,20 @@ from vnav.core.mapping import CONTRADICTS
 from vnav.io.store.artifacts import (
     load_loop_edges,
     load_loops,
+    load_mended_edges,
     load_odometry,
     load_optimised,
     load_whole_keyframe,
     save_keyframe_mask,
     save_loops,
+    save_mended_edges,
     save_odometry,
     save_optimised,
     save_verdicts,
 )
 from vnav.io.store.map_folder import MapFolder
 from vnav.io.store.overview import has_verdict, overview
+from vnav.optimisation.mending import CUT, TAKEN, Mend
 from vnav.pipeline.build import judged
 from vnav.pipeline.quality import agreement, are_joined, assess
 from vnav.registration.reduction import reduced
@@ -162,6 +165,30 @@ def test_a_step_that_does_not_fit_the_images_makes_a_map_doubtful(
     where = f"within frames {rows[-2]} to {rows[-1]};"
     assert any(f"{of}, {where}" in doubt for doubt in doubts)
     assert all("record" in doubt for doubt in doubts)
+
+
+def test_keyframes_that_the_optimisation_took_apart_make_no_step(
+    folder: MapFolder, altering: Altering
+) -> None:
+    step_aside(folder, altering)
+    last = load_odometry(folder).keyframe_rows[-1]
+    with altering(folder, "optimise") as draft:
+        save_mended_edges(draft, [e for e in load_mended_edges(folder) if last not in (e.i, e.j)])
+
+    assert assess(folder, CONFIG).values["steps_unborne"] == 0
+
+
+def test_a_place_that_was_found_again_though_others_look_like_it_makes_a_map_doubtful(
+    folder: MapFolder,
+) -> None:
+    report = folder.report("optimise")
+    report["values"]["mended"] = [vars(Mend(7, 9, TAKEN)), vars(Mend(12, 12, CUT))]
+    folder.write_report("optimise", report)
+
+    (doubt,) = assess(folder, CONFIG).doubts
+
+    assert "after 1 interruption other places look like where" in doubt
+    assert "within frames 7 to 9;" in doubt
 
 
 def test_a_map_most_of_whose_views_is_masked_and_stands_is_doubtful(

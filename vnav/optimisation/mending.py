@@ -20,7 +20,9 @@ from vnav.optimisation.second_look import Correction, SecondLook
 
 REASON = "its edges contradict each other"
 TOO_FAST = "its motion is faster than a camera is carried"
+INTERRUPTED = "the camera was not followed before it, and other places look like what it saw"
 LEFT_OUT, REGISTERED_AGAIN, CUT = "left out", "registered again", "cut"
+TAKEN = "taken for the likeliest"
 FOUND_AGAIN_S = 1.0  # an edge from a frame so long ago is one to a place that was found again
 
 
@@ -29,15 +31,16 @@ class Mend:
     """Frames ``first`` to ``last``, by row, that have edges which contradict others.
 
     ``how``: `LEFT_OUT` where other edges hold the frames, `REGISTERED_AGAIN` where a new one does,
-    `CUT` where none does. ``closures``: that contradict them, 0 where other edges alone do.
-    ``is_too_fast``: they contradict what a camera can do.
+    `CUT` where none does, `TAKEN` where one does that others are as good as. ``closures``: that
+    contradict them, 0 where other edges alone do.
+    ``why``, where it is neither of these: `TOO_FAST` or `INTERRUPTED`.
     """
 
     first: int
     last: int
     how: str
     closures: int = 0
-    is_too_fast: bool = False
+    why: str = ""
 
 
 @dataclass(frozen=True)
@@ -62,7 +65,7 @@ def mend(
     """
     corrected = _corrected(odometry, corrections)
     odometry = _without_leaps(corrected)
-    mends = [*map(_mend_of, corrections), *_mends(corrected, odometry, is_too_fast=True)]
+    mends = [*map(_mend_of, corrections), *mends_of(corrected, odometry, TOO_FAST)]
     suspect = suspects(odometry.edges, config.max_closure_sigmas)
     if not suspect.any():
         return Mended(odometry, tuple(mends))
@@ -73,7 +76,7 @@ def mend(
     gaps = find_gaps(list(compress(doubtful, contested)), settled)
     right = [right_edge(gap, settled, closures, look) for gap in gaps]
     mended = with_edges(odometry, [*settled.edges, *(e for e in right if e is not None)])
-    return Mended(mended, (*mends, *_mends(odometry, mended)))
+    return Mended(mended, (*mends, *mends_of(odometry, mended)))
 
 
 def _corrected(odometry: Odometry, corrections: Sequence[Correction]) -> Odometry:
@@ -132,7 +135,7 @@ def _alternatives(odometry: Odometry, suspect: NDArray[np.bool_]) -> list[Edge]:
 
 def too_fast(rows: NDArray[np.intp]) -> tuple[Mend, ...]:
     """Of frames that are left out because they jump."""
-    return _neighbours_as_one(dict.fromkeys(rows.tolist(), CUT), is_too_fast=True)
+    return _neighbours_as_one(dict.fromkeys(rows.tolist(), CUT), TOO_FAST)
 
 
 def without(odometry: Odometry, rows: NDArray[np.intp], reason: str) -> Odometry:
@@ -158,21 +161,21 @@ def with_edges(odometry: Odometry, edges: Sequence[Edge], reason: str = REASON) 
     )
 
 
-def _mends(before: Odometry, after: Odometry, is_too_fast: bool = False) -> tuple[Mend, ...]:
+def mends_of(before: Odometry, after: Odometry, why: str = "") -> tuple[Mend, ...]:
     """What became of the edges that odometry has no more, in order."""
     kept = {id(e) for e in after.edges}
     how = dict(_outcome(e, after.segment) for e in before.edges if id(e) not in kept)
-    return _neighbours_as_one(how, is_too_fast)
+    return _neighbours_as_one(how, why)
 
 
-def _neighbours_as_one(how: Mapping[int, str], is_too_fast: bool) -> tuple[Mend, ...]:
+def _neighbours_as_one(how: Mapping[int, str], why: str) -> tuple[Mend, ...]:
     """Frames, by row, as mends in order: one for neighbours of which the same became."""
     found: list[Mend] = []
     for row in sorted(how):
         if found and found[-1].last == row - 1 and found[-1].how == how[row]:
             found[-1] = dataclasses.replace(found[-1], last=row)
         else:
-            found.append(Mend(row, row, how[row], is_too_fast=is_too_fast))
+            found.append(Mend(row, row, how[row], why=why))
     return tuple(found)
 
 

@@ -17,10 +17,23 @@ from vnav.core.jumps import between_jumps
 from vnav.core.mapping import Odometry
 from vnav.optimisation import pose_graph
 from vnav.optimisation.contradictions import contradictions
-from vnav.optimisation.mending import TOO_FAST, Mend, Mended, mend, too_fast, without
+from vnav.optimisation.interruptions import claims
+from vnav.optimisation.joins import Joins
+from vnav.optimisation.mending import (
+    INTERRUPTED,
+    TAKEN,
+    TOO_FAST,
+    Mend,
+    Mended,
+    mend,
+    mends_of,
+    too_fast,
+    with_edges,
+    without,
+)
 from vnav.optimisation.pose_graph import PoseGraph
 from vnav.optimisation.second_look import Correction, SecondLook
-from vnav.optimisation.segments import Inside, align_segments, same_pose
+from vnav.optimisation.segments import Choose, align_segments, first
 
 
 @dataclass(frozen=True)
@@ -91,63 +104,44 @@ def _optimised(
 ) -> RobustGraph:
     """The pose graph over segments that closures join and images bear out.
 
-    Closures that would have joined them otherwise are not asked: they may be the most.
+    Closures that would have joined them otherwise are not asked: they may be the most. What
+    odometry claims across an interruption is held against them.
     """
     odometry = mended.odometry
-    segments = odometry.T_segment_camera, odometry.segment, odometry.frames.capture
-    joins = _Joins(odometry.edges, closures, config.max_closure_sigmas, look)
-    initial, part = align_segments(*segments, closures, joins.are_borne_out)
-    asked = _within(part, closures) & ~joins.refused
+    claimed = claims(odometry) if look else np.zeros(len(odometry.edges), bool)
+    followed = _without(odometry, claimed)
+    candidates = [*closures, *compress(odometry.edges, claimed)]
+    joins = Joins(followed, candidates, config.max_closure_sigmas, look)
+    initial, part = _aligned(followed, candidates, joins.right)
+    asked = _within(part, candidates) & ~joins.refused
     graph = pose_graph.optimise(
-        initial, odometry.edges, list(compress(closures, asked)), config.max_closure_sigmas
+        initial, followed.edges, list(compress(candidates, asked)), config.max_closure_sigmas
     )
     asked[asked] = graph.kept
-    _, part = align_segments(*segments, list(compress(closures, asked)))
-    graph = dataclasses.replace(graph, kept=asked & _within(part, closures))
-    return RobustGraph(odometry, mended.mends, graph, part)
+    kept, borne_out = np.split(asked, [len(closures)])
+    claimed[claimed] = ~borne_out
+    held = _without(odometry, claimed)
+    _, part = _aligned(held, list(compress(closures, kept)))
+    graph = dataclasses.replace(graph, kept=kept & _within(part, closures))
+    joined = dataclasses.replace(held, segment=part)
+    taken = (Mend(p.i, p.j, TAKEN, why=INTERRUPTED) for p in joins.unsure)
+    mends = *mended.mends, *mends_of(odometry, joined, INTERRUPTED), *taken
+    return RobustGraph(held, mends, graph, part)
 
 
-class _Joins:
-    """Alignments of segments, tested by what their keyframes see; ``refused``: closures (C,)."""
+def _without(odometry: Odometry, claimed: NDArray[np.bool_]) -> Odometry:
+    """Odometry without some of its edges (E,)."""
+    if not claimed.any():
+        return odometry
+    return with_edges(odometry, list(compress(odometry.edges, ~claimed)), INTERRUPTED)
 
-    def __init__(
-        self,
-        edges: Sequence[Edge],
-        closures: Sequence[Edge],
-        max_sigmas: float,
-        look: SecondLook | None,
-    ) -> None:
-        self._edges, self._closures = edges, closures
-        self._max_sigmas, self._look = max_sigmas, look
-        self._ends = ends_of(closures)
-        self.refused = np.zeros(len(closures), bool)
 
-    def are_borne_out(self, poses: Array, a: Inside, b: Inside) -> bool:
-        """Whether two sets of frames (N,) agree on what both see, where poses align them.
-
-        The pose graph takes drift away first, by the closures that agree with the poses. What was
-        refused stays so.
-        """
-        if self._look is None:
-            return True
-        across = self._agreeing(poses, a, b)
-        if self.refused[across].all():
-            return False
-        poses = np.where((a | b)[:, None, None], poses, np.nan)
-        inside = [e for e in self._edges if (a | b)[e.i] and (a | b)[e.j]]
-        within = (a[self._ends].all(1) | b[self._ends].all(1)) & ~self.refused
-        used = list(compress(self._closures, across | within))
-        graph = pose_graph.optimise(poses, inside, used, self._max_sigmas)
-        right = self._look.is_borne_out(graph.T_world_camera, a, b)
-        self.refused |= across & (not right)
-        return right
-
-    def _agreeing(self, poses: Array, a: Inside, b: Inside) -> Inside:
-        """Which closures (C,) between the two agree with poses."""
-        i, j = self._ends.T
-        T_i_j = np.stack([e.T_i_j for e in self._closures])
-        across = (a[i] & b[j]) | (b[i] & a[j])
-        return np.asarray(across & same_pose(se3.inverse(poses[i] @ T_i_j) @ poses[j]))
+def _aligned(
+    odometry: Odometry, closures: Sequence[Edge], right: Choose = first
+) -> tuple[Array, NDArray[np.int32]]:
+    """Poses (N, 4, 4) of odometry's segments as closures align them, and connected parts (N,)."""
+    segments = odometry.T_segment_camera, odometry.segment, odometry.frames.capture
+    return align_segments(*segments, closures, right)
 
 
 def _within(part: NDArray[np.int32], closures: Sequence[Edge]) -> NDArray[np.bool_]:

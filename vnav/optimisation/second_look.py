@@ -2,10 +2,9 @@
 
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
-from functools import cached_property, lru_cache
+from functools import cached_property, lru_cache, partial
 
 import numpy as np
-from numpy.typing import NDArray
 
 from vnav.config import Config
 from vnav.core import se3
@@ -21,16 +20,31 @@ from vnav.core.view_overlap import view_overlap
 from vnav.features.matching import DescriptorMatcher
 from vnav.optimisation.contradictions import Contradiction
 from vnav.optimisation.cycles import are_wrong
-from vnav.optimisation.revisits import Pair, Revisits, find_revisits, surface_edges
+from vnav.optimisation.revisits import (
+    MIN_OVERLAP,
+    Pair,
+    Revisits,
+    find_revisits,
+    surface_edges,
+)
 from vnav.optimisation.segments import Inside, same_pose
 from vnav.registration.dense import align
 from vnav.registration.judge import CLEAR, judge
 from vnav.registration.points3d import PointRegistration
 from vnav.registration.reduction import reduced
-from vnav.registration.surface_agreement import MIN_SHARED, Agreement, agreements, seeing_through
+from vnav.registration.surface_agreement import (
+    MIN_SHARED,
+    SEEN_THROUGH_SIGMAS,
+    Agreement,
+    agreements,
+    borne_out,
+    disagreeing,
+    seeing_through,
+)
 
 MOST_PAIRS = 60  # of keyframes that are compared, where two parts are to be joined
 MOST_THROUGH = 0.2  # of them that may see through each other: docs/log.md
+LEAST_PAIRS, MOST_APART = 5, 0.1  # that tell which of several places is the right one; share
 DRIFTED_SIGMAS = 24.0  # from which a surface is seen through, 0.13 m at 2 m: drift is left
 KEPT_IMAGES = 120  # of keyframes, reduced: about 60 MB
 Views = Callable[[int], Frame]  # the images of a keyframe, by its row
@@ -89,17 +103,23 @@ class SecondLook:
         leaps = (se3.inverse(poses[i]) @ poses[j] for i, j in self._leaps(poses, a, b))
         if not all(map(same_pose, leaps)):
             return False
-        odometry = self._odometry
-        rows, segment = odometry.keyframe_rows, odometry.segment[odometry.keyframe_rows]
-        part = np.where(a | b, 0, LOST).astype(np.int32)
-        overlap = view_overlap(odometry, poses, part, self._cameras)
-        across = (a[rows][:, None] & b[rows]) | (b[rows][:, None] & a[rows])
-        next_to = np.eye(len(rows), k=1, dtype=bool) & (segment[:, None] == segment)
-        pairs, neighbours = (
-            self._agreements(poses, np.triu(wanted & (overlap >= MIN_SHARED)))
-            for wanted in (across, next_to)
-        )
+        pairs, neighbours = self._across(poses, a, b, MIN_SHARED, DRIFTED_SIGMAS)
         return len(seeing_through(pairs, neighbours)) <= MOST_THROUGH * len(pairs)
+
+    def is_sure(self, poses: Array, a: Inside, b: Inside) -> bool:
+        """Whether two sets of frames (N,) share a place, though others look like it.
+
+        By poses (N, 4, 4) nearly all pairs of keyframes across agree, and there are enough of them.
+        """
+        pairs, neighbours = self._across(poses, a, b, MIN_OVERLAP, SEEN_THROUGH_SIGMAS)
+        apart = disagreeing(pairs, neighbours, partial(self._fits, poses))
+        return len(pairs) >= LEAST_PAIRS and len(apart) <= MOST_APART * len(pairs)
+
+    def _fits(self, poses: Array, pair: Agreement) -> bool:
+        """Whether images bear out how two keyframes stand to each other by poses (N, 4, 4)."""
+        T_i_j = se3.inverse(poses[pair.i]) @ poses[pair.j]
+        seen = self._moving(pair.i), self._moving(pair.j)
+        return borne_out(*seen, T_i_j, self._config.registration)
 
     def _leaps(self, poses: Array, a: Inside, b: Inside) -> list[tuple[int, int]]:
         """Steps from a frame of one set to the next, of the other, that no camera makes, by rows.
@@ -112,11 +132,27 @@ class SecondLook:
         found = jumps(self._odometry.frames, posed, part)
         return [(i, j) for i, j in found if a[i] != a[j]]
 
-    def _agreements(self, poses: Array, wanted: NDArray[np.bool_]) -> list[Agreement]:
-        """How `MOST_PAIRS` of the wanted pairs (K, K) of keyframes agree by their poses."""
-        pairs = self._odometry.keyframe_rows[np.argwhere(wanted)].tolist()
-        chosen = evenly(pairs, MOST_PAIRS)
-        return agreements(chosen, poses, self._moving, self._config.registration, DRIFTED_SIGMAS)
+    def _across(
+        self, poses: Array, a: Inside, b: Inside, min_overlap: float, through_sigmas: float
+    ) -> tuple[list[Agreement], list[Agreement]]:
+        """How pairs of keyframes of two sets agree by their poses, and neighbours of one segment.
+
+        Those that see so much of each other, `MOST_PAIRS` of either kind.
+        """
+        odometry = self._odometry
+        rows, segment = odometry.keyframe_rows, odometry.segment[odometry.keyframe_rows]
+        part = np.where(a | b, 0, LOST).astype(np.int32)
+        overlap = view_overlap(odometry, poses, part, self._cameras)
+        across = (a[rows][:, None] & b[rows]) | (b[rows][:, None] & a[rows])
+        next_to = np.eye(len(rows), k=1, dtype=bool) & (segment[:, None] == segment) & ~across
+        pairs, neighbours = (
+            evenly(
+                rows[np.argwhere(np.triu(wanted & (overlap >= min_overlap)))].tolist(), MOST_PAIRS
+            )
+            for wanted in (across, next_to)
+        )
+        as_seen = self._moving, self._config.registration, through_sigmas
+        return agreements(pairs, poses, *as_seen), agreements(neighbours, poses, *as_seen)
 
     def _log_odds_before(self, stretch: Contradiction) -> float:
         """Of odometry's motion across a stretch, by the least probable of its frames' edges."""

@@ -1,6 +1,7 @@
 """Segments of odometry aligned by the loop closures between them, as far as these agree."""
 
 from collections.abc import Callable, Iterator, Sequence
+from itertools import islice
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,15 +11,16 @@ from vnav.core.arrays import Array
 from vnav.core.frame import Edge
 
 SAME_POSE_M, SAME_POSE_RAD = 0.3, 0.2  # two closures that place a segment alike
+MOST_ALIGNMENTS = 12  # of two segments that are looked at
 MIN_AGREEING = 3  # closures between captures: nothing there contradicts one that is wrong
 Candidate = tuple[Array, Array, int]  # T_a_b, T_b_camera where it was measured, votes
 Inside = NDArray[np.bool_]  # which frames (N,)
-BornOut = Callable[[Array, Inside, Inside], bool]
+Choose = Callable[[Sequence[Array], Inside, Inside], int | None]
 
 
-def untested(poses: Array, a: Inside, b: Inside) -> bool:
-    """Takes every alignment for right, as where the images of keyframes are not at hand."""
-    return True
+def first(alignments: Sequence[Array], a: Inside, b: Inside) -> int:
+    """Takes that of most votes, as where the images of keyframes are not at hand."""
+    return 0
 
 
 def align_segments(
@@ -26,22 +28,24 @@ def align_segments(
     segment: NDArray[np.int32],
     capture: NDArray[np.int32],
     closures: Sequence[Edge],
-    is_borne_out: BornOut = untested,
+    right: Choose = first,
 ) -> tuple[Array, NDArray[np.int32]]:
     """Poses (N, 4, 4) with segments aligned by closures, and the connected parts (N,) that remain.
 
     Two segments are aligned by the closure that most others between them agree with. One alone
     will do within a capture; between frames of different captures `MIN_AGREEING` must say the
     same. Nothing else contradicts closures that take two places for one, so what both parts see
-    decides: ``is_borne_out`` says of poses whether it fits together for two sets of frames (N,).
+    decides: ``right`` says which of several poses (N, 4, 4), those of most votes first, fits for
+    two sets of frames (N,), if any does.
     Frames of one part share a frame of reference: that of the part's first segment.
     """
     poses, part = T_segment_camera.copy(), segment.copy()
     while True:
         for (a, b), candidates in _between_parts(poses, part, capture, closures):
-            aligned = _aligned(poses, part == a, part == b, candidates, is_borne_out)
-            if aligned is not None:
-                poses, part = aligned, np.where(part == b, np.int32(a), part)
+            aligned = list(_aligned(poses, part == b, candidates))
+            number = right(aligned, part == a, part == b) if aligned else None
+            if number is not None:
+                poses, part = aligned[number], np.where(part == b, np.int32(a), part)
                 break
         else:
             return poses, part
@@ -68,19 +72,10 @@ def _between_parts(
     return sorted(found.items(), key=lambda item: (len(item[1]), item[0]), reverse=True)
 
 
-def _aligned(
-    poses: Array,
-    a: Inside,
-    b: Inside,
-    candidates: Sequence[Candidate],
-    is_borne_out: BornOut,
-) -> Array | None:
-    """Poses where b's frames (N,) are aligned with a's as most votes say that is borne out."""
-    for T_a_b in _agreed(candidates):
-        aligned = np.where(b[:, None, None], T_a_b @ poses, poses)
-        if is_borne_out(aligned, a, b):
-            return aligned
-    return None
+def _aligned(poses: Array, b: Inside, candidates: Sequence[Candidate]) -> Iterator[Array]:
+    """Poses (N, 4, 4) where b's frames (N,) are aligned as votes say; most votes first."""
+    for T_a_b in islice(_agreed(candidates), MOST_ALIGNMENTS):
+        yield np.where(b[:, None, None], T_a_b @ poses, poses)
 
 
 def _agreed(candidates: Sequence[Candidate]) -> Iterator[Array]:

@@ -9,7 +9,7 @@ from vnav.core.mapping import Odometry, OptimisedMap, how_held
 from vnav.core.report import Report
 from vnav.optimisation.bundle_problem import PosePrior
 from vnav.optimisation.landmarks import AdjustedBundle
-from vnav.optimisation.mending import CUT, LEFT_OUT, REGISTERED_AGAIN, TOO_FAST
+from vnav.optimisation.mending import CUT, LEFT_OUT, REGISTERED_AGAIN, TAKEN
 from vnav.optimisation.self_calibration import SensorCalibration
 from vnav.optimisation.sensor_errors import SensorErrors
 from vnav.optimisation.solution import Solution
@@ -84,7 +84,7 @@ def _mended_lines(solution: Solution, odometry: Odometry, *how: str) -> list[str
     for mend in solution.robust.mends:
         frames = odometry.frames.rows_text(np.arange(mend.first, mend.last + 1))
         what = f"{mend.closures} closures" if mend.closures else "the edges around them"
-        why = TOO_FAST if mend.is_too_fast else f"odometry contradicts {what}"
+        why = mend.why or f"odometry contradicts {what}"
         if mend.how in how:
             lines.append(f"{frames}: {why}: {mend.how}")
     return lines
@@ -152,7 +152,7 @@ def _given_line(prior: PosePrior) -> str:
 
 
 def _warnings(solution: Solution, result: OptimisedMap, odometry: Odometry) -> list[str]:
-    found = _mended_lines(solution, odometry, CUT)
+    found = _mended_lines(solution, odometry, CUT, TAKEN)
     found += [
         f"{odometry.frames.rows_text(rows)} are a part of their own, for no loop joins them to"
         f" the rest: their trajectory is in optimise/{name}, the map is of the main part"

@@ -28,6 +28,7 @@ from vnav.io.store.artifacts import (
     load_keyframe_depth,
     load_loop_edges,
     load_loops,
+    load_mended_edges,
     load_odometry,
     load_optimised,
     load_whole_keyframe,
@@ -36,6 +37,7 @@ from vnav.io.store.artifacts import (
 from vnav.io.store.map_folder import MapFolder
 from vnav.optimisation.camera_fit import CameraFit
 from vnav.optimisation.displacement import without_displacement
+from vnav.optimisation.mending import TAKEN
 from vnav.optimisation.revisits import Revisits, find_revisits
 from vnav.optimisation.sensor_errors import MovingSensor, SensorErrors
 from vnav.registration.reduction import reduced
@@ -52,7 +54,8 @@ OF_GIVEN = (
 )
 COUNTED = (
     *("revisits", "revisits_disagreeing", "loops", "loops_rejected", "loops_contradicting"),
-    *("steps_unborne", "steps_standing", "motions_unsure", "jumps", "cameras_wrong"),
+    *("steps_unborne", "steps_standing", "motions_unsure", "places_unsure", "jumps"),
+    "cameras_wrong",
 )
 FITTED = (  # and its standard deviation, and what was given
     "a focal length of {:.1f} px (+- {:.1f}) where {:.1f} px were given",
@@ -73,7 +76,7 @@ class Quality:
     def line(self) -> str:
         """The verdict for a person."""
         if self.doubts:
-            return f"doubtful, for {len(self.doubts)} of 7 reasons"
+            return f"doubtful, for {len(self.doubts)} of 8 reasons"
         return f"good: {self.values['agreement']}"
 
 
@@ -88,9 +91,11 @@ def assess(folder: MapFolder, config: Config) -> Quality:
     revisits = find_revisits(odometry, poses, delay_s, cameras, seen, config)
     loops, rejected = _loops(folder)
     against = _against(rejected, poses, seen, sensor, _sensor_errors(optimised, len(cameras)))
-    unborne = unborne_steps(rows, odometry.motions, poses, seen, registration)
-    standing = _standing(folder, odometry, poses, registration)
+    motions = *load_mended_edges(folder), *odometry.degenerate_edges
+    unborne = unborne_steps(rows, motions, poses, seen, registration)
+    standing = _standing(folder, odometry, motions, poses, registration)
     unsure, wrong = unsure_rows(odometry, poses), _wrong_fits(optimised)
+    taken = [(m["first"], m["last"]) for m in optimised.get("mended", []) if m["how"] == TAKEN]
     jumped = jumps(odometry.frames, poses, np.zeros_like(odometry.segment))
     posed = int(np.isfinite(poses[:, 0, 0]).sum())
     told = (
@@ -99,12 +104,13 @@ def assess(folder: MapFolder, config: Config) -> Quality:
         _unborne(unborne, odometry),
         _masked(standing, odometry),
         _uncertainty(unsure, loops, odometry),
+        _likeness(taken, odometry),
         _jumping(jumped, odometry),
         _wrong_cameras(wrong),
     )
     doubts = tuple(filter(None, told))
     seen_twice = revisits.pairs, revisits.disagreeing
-    others = loops, rejected, against, unborne, standing, unsure, jumped, wrong
+    others = loops, rejected, against, unborne, standing, unsure, taken, jumped, wrong
     counted: tuple[Sized, ...] = *seen_twice, *others
     values = {
         "verdict": "doubtful" if doubts else "good",
@@ -169,7 +175,11 @@ def _seen(folder: MapFolder, odometry: Odometry, sensor: MovingSensor) -> Seen:
 
 
 def _standing(
-    folder: MapFolder, odometry: Odometry, T_world_camera: Array, config: RegistrationConfig
+    folder: MapFolder,
+    odometry: Odometry,
+    motions: Sequence[Edge],
+    T_world_camera: Array,
+    config: RegistrationConfig,
 ) -> list[tuple[int, int]]:
     """Steps most of which is taken for moving, but stands."""
 
@@ -181,7 +191,7 @@ def _standing(
         blocks = load_keyframe_blocks(folder, row)
         return np.zeros((1, 1), bool) if blocks is None else blocks
 
-    steps = odometry.keyframe_rows, odometry.motions, T_world_camera
+    steps = odometry.keyframe_rows, motions, T_world_camera
     return standing_steps(*steps, whole, moving, config)
 
 
@@ -289,6 +299,16 @@ def _uncertainty(unsure: NDArray[np.intp], loops: Sequence[Edge], odometry: Odom
         f"the motion of {len(unsure)} frames is in doubt, within"
         f" {odometry.frames.rows_text(unsure)}; what repeats or moves filled the view: record with"
         " more of what stands still and is unique"
+    )
+
+
+def _likeness(taken: Sequence[tuple[int, int]], odometry: Odometry) -> str:
+    if not taken:
+        return ""
+    return (
+        f"after {len(taken)} interruption{'s' * (len(taken) > 1)} other places look like where the"
+        f" camera was found again, within {_within(taken, odometry)}; record without a break, or"
+        " come back to what is unique"
     )
 
 

@@ -1,0 +1,177 @@
+"""Odometry across an interruption, on a walk in a circle whose truth is known.
+
+Ten frames a second, and a second without any before frame 40. Noise is what the edges' own says,
+5 mm and 2 mrad; a place that looks like the camera's is 1.5 m beside it or more, 300 times as far.
+"""
+
+import dataclasses
+from collections.abc import Callable
+from itertools import compress
+
+import numpy as np
+import pytest
+
+from tests.optimisation.walks import EVERY, FixedLook, walked
+from vnav.config import OptimiseConfig
+from vnav.core import se3
+from vnav.core.frame import Edge
+from vnav.core.mapping import LOST, FrameTable, Odometry
+from vnav.optimisation.interruptions import Passage, claims, lie_apart, passages
+from vnav.optimisation.mending import CUT, INTERRUPTED, LEFT_OUT, Mend
+from vnav.optimisation.robust_graph import RobustGraph, robust_pose_graph
+from vnav.synthetic.circle import LAP, edge, walk
+
+FIRST = LAP  # frame after the interruption, a keyframe
+BESIDE = se3.make(np.eye(3), [0, 1.5, 0.2])  # to the left of the first camera, which looks along x
+T = walk(2 * LAP)
+Judge = Callable[[np.ndarray], bool]
+
+
+def stamped(
+    odometry: Odometry, step_s: float = 0.1, lost_s: float = 1.0, first: int = FIRST
+) -> Odometry:
+    """The same with so much time between frames, and more before the first after it."""
+    rows = np.arange(len(odometry.frames))
+    stamps_s = rows * step_s + lost_s * (rows >= first)
+    table = FrameTable(np.zeros(len(rows)), rows, stamps_s)
+    return dataclasses.replace(odometry, frames=table)
+
+
+def moved(times: float) -> np.ndarray:
+    """The walk whose second half lies beside its place."""
+    there = T.copy()
+    there[FIRST:] = se3.make(np.eye(3), times * BESIDE[:3, 3]) @ there[FIRST:]
+    return there
+
+
+def closures(times: float, count: int, seed: int = 3) -> list[Edge]:
+    """Between keyframes of either half, where the second lies so far beside its place."""
+    rng = np.random.default_rng(seed)
+    return [edge(moved(times), EVERY * k, FIRST + EVERY * k, rng) for k in range(count)]
+
+
+class PlacesLook(FixedLook):
+    """A second look that bears out, or is sure of, alignments by where the second half lies."""
+
+    def __init__(self, borne_out: Judge, sure: Judge = lambda _: False) -> None:
+        super().__init__(None)
+        self._borne_out, self._sure = borne_out, sure
+
+    def is_borne_out(self, poses: np.ndarray, *_: object) -> bool:
+        return self._borne_out(poses)
+
+    def is_sure(self, poses: np.ndarray, *_: object) -> bool:
+        return self._sure(poses)
+
+
+def lies(*times: float) -> Judge:
+    """Whether the second half lies so far beside its place, by less than 0.3 m."""
+
+    def judge(poses: np.ndarray) -> bool:
+        apart = (se3.inverse(poses[0]) @ poses[FIRST])[:3, 3] - (se3.inverse(T[0]) @ T[FIRST])[
+            :3, 3
+        ]
+        return any(np.linalg.norm(apart - t * BESIDE[:3, 3]) < 0.3 for t in times)
+
+    return judge
+
+
+def joined(times: float, found: list[Edge], look: PlacesLook) -> RobustGraph:
+    """Odometry that claims so of the second half, held against closures."""
+    odometry = stamped(walked(moved(times)))
+    return robust_pose_graph(odometry, found, OptimiseConfig(), look)  # type: ignore[arg-type]
+
+
+def test_edges_across_an_interruption_are_claims() -> None:
+    odometry = stamped(walked(T))
+    claimed = [(e.i, e.j) for e in compress(odometry.edges, claims(odometry))]
+    across = [(e.i, e.j) for e in odometry.edges if e.i < FIRST <= e.j]
+    assert claimed == across == [(36, 40), (39, 40)]
+
+
+@pytest.mark.parametrize(("step_s", "lost_s"), [(0.1, 0.2), (0.5, 0.8), (2.0, 0.0)])
+def test_what_a_hand_goes_on_for_or_a_slow_camera_waits_is_no_interruption(
+    step_s: float, lost_s: float
+) -> None:
+    assert not claims(stamped(walked(T), step_s, lost_s)).any()
+
+
+def test_edges_to_frames_that_nothing_else_holds_are_no_claims() -> None:
+    # Frames 41 and 42 are no keyframes, and the recording ends there.
+    assert not claims(stamped(walked(T[:43]), first=41)).any()
+    assert claims(stamped(walked(T[:45]), first=41)).any()
+
+
+def test_a_claim_that_images_bear_out_stays() -> None:
+    robust = joined(0, [], PlacesLook(lies(0)))
+    assert robust.mends == ()
+    assert not robust.odometry.segment.any()
+    assert not robust.part.any()
+
+
+def test_a_claim_that_images_refute_is_cut() -> None:
+    robust = joined(1, [], PlacesLook(lies(0)))
+    assert robust.mends == (Mend(FIRST, FIRST, CUT, why=INTERRUPTED),)
+    assert robust.part.tolist() == [0] * FIRST + [1] * (len(T) - FIRST)
+    assert LOST not in robust.odometry.segment
+
+
+def test_closures_that_images_bear_out_win_against_a_claim_and_more_that_agree_with_it() -> None:
+    right, wrong = closures(0, 2), closures(1, 6, seed=4)
+    robust = joined(1, [*wrong, *right], PlacesLook(lies(0)))
+    assert robust.mends == (Mend(FIRST, FIRST, LEFT_OUT, why=INTERRUPTED),)
+    assert robust.graph.kept.tolist() == [False] * 6 + [True] * 2
+    assert lies(0)(robust.graph.T_world_camera)
+
+
+def test_of_several_places_that_images_bear_out_the_one_is_right_that_all_agree_on() -> None:
+    found = [*closures(1, 6), *closures(0, 2, seed=4)]
+    robust = joined(1, found, PlacesLook(lies(0, 1), sure=lies(0)))
+    assert robust.graph.kept.tolist() == [False] * 6 + [True] * 2
+
+
+@pytest.mark.parametrize("sure", [lies(), lies(0, 1)])
+def test_where_nothing_tells_two_places_apart_a_walk_is_cut(sure: Judge) -> None:
+    found = [*closures(1, 6), *closures(0, 2, seed=4)]
+    robust = joined(1, found, PlacesLook(lies(0, 1), sure))
+    assert not robust.graph.kept.any()
+    assert robust.part.tolist() == [0] * FIRST + [1] * (len(T) - FIRST)
+
+
+def test_a_place_that_is_farther_than_a_camera_goes_elsewhere_is_not_taken() -> None:
+    # In 1.1 s the walk goes 2.6 m at most; it would have come 10 m aside.
+    found = [*closures(7, 6), *closures(0, 2, seed=4)]
+    robust = joined(7, found, PlacesLook(lies(0, 7), sure=lies(0, 7)))
+    assert robust.graph.kept.tolist() == [False] * 6 + [True] * 2
+
+
+def straight(*places_m: float) -> np.ndarray:
+    """Poses (N, 4, 4) along x."""
+    return se3.make(np.eye(3), np.outer(places_m, [1.0, 0, 0]))
+
+
+def test_a_passage_tells_how_far_a_camera_is_from_where_it_would_have_gone_on() -> None:
+    # 1 m/s for 2 s, then a second unseen; elsewhere it goes on for a second to the millimetre,
+    # but where it started: there its velocity is not known, and it goes 1 m farther than that.
+    count = 21
+    poses = straight(*(0.1 * np.arange(count)), 2.5, 2.6)
+    stamps_s = np.append(0.1 * np.arange(count), [3.0, 3.1])
+    table = FrameTable(np.zeros(count + 2), np.arange(count + 2), stamps_s)
+    first = np.arange(count + 2) < count
+    (passage,) = passages(table, poses, first, ~first)
+    assert passage.at_m.tolist() == [2.5, 0, 0]
+    assert passage.off_m == pytest.approx(0.5)
+    assert passage.most_m == pytest.approx(1.25)
+    assert passage.is_usual
+
+
+@pytest.mark.parametrize(("apart_m", "expected"), [(2.1, True), (1.9, False)])
+def test_two_ways_lie_apart_where_at_most_one_of_them_may_be_usual(
+    apart_m: float, expected: bool
+) -> None:
+    ends = [[Passage(0, 1, np.array([x, 0, 0]), x, 1.0)] for x in (0.0, apart_m)]
+    assert lie_apart(ends) is expected
+
+
+def test_ways_that_pass_no_time_do_not_lie_apart() -> None:
+    assert not lie_apart([[], []])
