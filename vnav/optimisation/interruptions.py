@@ -6,7 +6,7 @@ anywhere, and what it sees then may be seen from other places, too.
 
 from collections.abc import Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from itertools import pairwise
+from itertools import compress, pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,7 +33,9 @@ def claims(odometry: Odometry) -> NDArray[np.bool_]:
         first = rows[1:][_is_interrupted(frames, rows)]
         inside = segment[ends[:, 0]] == each
         across |= inside & (np.diff(np.searchsorted(first, ends, side="right"))[:, 0] != 0)
-    followed = [e for e, is_across in zip(odometry.edges, across, strict=True) if not is_across]
+    if not across.any():
+        return across
+    followed = list(compress(odometry.edges, ~across))
     _, held = chain(len(frames), followed, odometry.keyframe_rows.tolist())
     return np.asarray(across & (held[ends] != LOST).all(1))
 
