@@ -17,7 +17,7 @@ from vnav.core import se3
 from vnav.core.frame import Edge
 from vnav.core.mapping import LOST, FrameTable, Odometry
 from vnav.optimisation.interruptions import Passage, claims, lie_apart, passages
-from vnav.optimisation.mending import CUT, INTERRUPTED, LEFT_OUT, Mend
+from vnav.optimisation.mending import CUT, INTERRUPTED, LEFT_OUT, TAKEN, Mend
 from vnav.optimisation.robust_graph import RobustGraph, robust_pose_graph
 from vnav.synthetic.circle import LAP, edge, walk
 
@@ -145,6 +145,17 @@ def test_a_place_that_is_farther_than_a_camera_goes_elsewhere_is_not_taken() -> 
     assert robust.graph.kept.tolist() == [False] * 6 + [True] * 2
 
 
+@pytest.mark.parametrize(("others", "how"), [(0, TAKEN), (1, TAKEN), (4, CUT)])
+def test_a_place_far_off_is_taken_where_hardly_any_votes_are_for_others_and_told_of(
+    others: int, how: str
+) -> None:
+    # Ten votes are for it: two claims of odometry, and eight closures.
+    found = [*closures(5, 8), *closures(3, others, seed=4)]
+    robust = joined(5, found, PlacesLook(lies(5)))
+    assert [mend.how for mend in robust.mends] == [how]
+    assert bool(robust.part.any()) == (how == CUT)
+
+
 def straight(*places_m: float) -> np.ndarray:
     """Poses (N, 4, 4) along x."""
     return se3.make(np.eye(3), np.outer(places_m, [1.0, 0, 0]))
@@ -173,5 +184,12 @@ def test_two_ways_lie_apart_where_at_most_one_of_them_may_be_usual(
     assert lie_apart(ends) is expected
 
 
-def test_ways_that_pass_no_time_do_not_lie_apart() -> None:
-    assert not lie_apart([[], []])
+@pytest.mark.parametrize("ways", [[], [[]], [[], []]])
+def test_ways_that_pass_no_time_do_not_lie_apart(ways: list[list[Passage]]) -> None:
+    assert not lie_apart(ways)
+
+
+def test_where_images_refute_all_of_several_places_a_walk_is_cut() -> None:
+    robust = joined(1, [*closures(1, 6), *closures(0, 2, seed=4)], PlacesLook(lies()))
+    assert not robust.graph.kept.any()
+    assert robust.part.tolist() == [0] * FIRST + [1] * (len(T) - FIRST)

@@ -125,7 +125,7 @@ def lie_apart(ways: Collection[Sequence[Passage]]) -> bool:
     Then what looks alike lies so far apart, and only one of these places can be the camera's.
     """
     ends = [each for passed in ways for each in passed]
-    if len(ends) != len(ways):
+    if len(ends) < 2 or len(ends) != len(ways):
         return False
     at_m = np.stack([end.at_m for end in ends])
     apart_m = np.linalg.norm(at_m[:, None] - at_m, axis=-1)[~np.eye(len(ends), dtype=bool)]

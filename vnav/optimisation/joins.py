@@ -15,6 +15,8 @@ from vnav.optimisation.interruptions import Passage, lie_apart, passages
 from vnav.optimisation.second_look import SecondLook
 from vnav.optimisation.segments import Inside, same_pose
 
+ALONE = 0.8  # share of the votes of places that a place has which nothing contradicts
+
 
 class Joins:
     """Alignments of sets of frames, tested by what their keyframes see.
@@ -47,7 +49,7 @@ class Joins:
         look = self._look
         if look is None:
             return 0
-        agreeing = [self._agreeing(poses, a, b) for poses in alignments]
+        agreeing = np.stack([self._agreeing(poses, a, b) for poses in alignments])
         fitted = {
             n: self._fitted(alignments[n], a, b, across)
             for n, across in enumerate(agreeing)
@@ -55,9 +57,8 @@ class Joins:
         }
         found = {n: poses for n, poses in fitted.items() if look.is_borne_out(poses, a, b)}
         passed = {n: passages(self._odometry.frames, P, a, b) for n, P in found.items()}
-        right, is_certain = _likely(
-            passed, len(alignments) == 1, lambda n: look.is_sure(found[n], a, b)
-        )
+        is_alone = agreeing[list(found)].sum() >= ALONE * agreeing.sum()
+        right, is_certain = _likely(passed, is_alone, lambda n: look.is_sure(found[n], a, b))
         self.unsure += [each for n in right for each in passed[n] if not is_certain]
         agrees = [self._agreeing(fitted[n], a, b) for n in right or found]
         for n in fitted:
@@ -81,24 +82,25 @@ class Joins:
 
 
 def _likely(
-    passed: Mapping[int, Sequence[Passage]], alone: bool, is_sure: Callable[[int], bool]
+    passed: Mapping[int, Sequence[Passage]], is_alone: bool, is_sure: Callable[[int], bool]
 ) -> tuple[list[int], bool]:
     """The number of the likely way to pass an interruption, and whether nothing speaks against it.
 
-    ``passed``: of those that images bear out, by most votes; ``alone``: whether there was no other
-    that they might have; ``is_sure``: whether they are so in nearly all keyframes. Several tell
+    ``passed``: of those that images bear out, by most votes; ``is_alone``: whether hardly any votes
+    were for others; ``is_sure``: whether images bear one out in nearly all keyframes. Several tell
     that things repeat themselves: then the pace counts, and where images are sure of none or more
     than one, it alone tells. No number where several are as likely.
     """
     usual = [n for n, each in passed.items() if all(passage.is_usual for passage in each)]
-    if alone:
-        return list(passed), bool(usual)
-    if len(passed) == 1 or lie_apart(passed.values()):
+    if len(passed) < 2:
+        return list(passed) if is_alone else usual, bool(usual)
+    if lie_apart(passed.values()):
         return _only(usual), True
     sure = [n for n in passed if is_sure(n)]
     if not any(passed.values()):
         return _only(sure) or list(passed)[:1], True
-    return _only([n for n in sure or passed if n in usual]), len(sure) == 1
+    likely = set(sure or passed) & set(usual)
+    return _only(sorted(likely)), len(sure) == 1
 
 
 def _only(numbers: list[int]) -> list[int]:
