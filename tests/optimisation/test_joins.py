@@ -56,6 +56,15 @@ def closures(odometry: Odometry, halves: Odometry, elsewhere: bool) -> list[Edge
     return edges[: WRONG if elsewhere else RIGHT]
 
 
+def second_moved(
+    odometry: Odometry, halves: Odometry, by_m: list[float]
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Poses with the second half beside its place, and which frames are of either half."""
+    first, second = (halves.segment == k for k in (0, 1))
+    moved = np.where(second[:, None, None], se3.make(np.eye(3), by_m), np.eye(4))
+    return moved @ odometry.T_segment_camera, first, second
+
+
 def joined(halves: Odometry, edges: list[Edge], look: SecondLook | None) -> RobustGraph:
     return robust_pose_graph(halves, edges, Config().optimise, look)
 
@@ -74,18 +83,16 @@ def test_halves_are_joined_as_few_closures_say_that_images_bear_out(
 def test_images_bear_out_halves_that_drift_has_moved_and_none_that_are_elsewhere(
     off_m: float, is_right: bool, odometry: Odometry, halves: Odometry, look: SecondLook
 ) -> None:
-    first, second = (halves.segment == k for k in (0, 1))
-    moved = np.where(second[:, None, None], se3.make(np.eye(3), [off_m, 0, off_m]), np.eye(4))
-    assert look.is_borne_out(moved @ odometry.T_segment_camera, first, second) == is_right
+    alignment = second_moved(odometry, halves, [off_m, 0, off_m])
+    assert look.is_borne_out(*alignment) == is_right
 
 
 @pytest.mark.parametrize(("off_m", "is_right"), [(0.0, True), (DRIFT_M, False)])
 def test_images_are_sure_of_halves_that_stand_right_alone(
     off_m: float, is_right: bool, odometry: Odometry, halves: Odometry, look: SecondLook
 ) -> None:
-    first, second = (halves.segment == k for k in (0, 1))
-    moved = np.where(second[:, None, None], se3.make(np.eye(3), [off_m, 0, off_m]), np.eye(4))
-    assert look.is_sure(moved @ odometry.T_segment_camera, first, second) == is_right
+    alignment = second_moved(odometry, halves, [off_m, 0, off_m])
+    assert look.is_sure(*alignment) == is_right
 
 
 def test_images_are_not_sure_of_halves_that_few_keyframes_share(
@@ -93,8 +100,7 @@ def test_images_are_not_sure_of_halves_that_few_keyframes_share(
 ) -> None:
     few = [Agreement(0, 1, 0.0, 0.0)] * (LEAST_PAIRS - 1)
     monkeypatch.setattr(look, "_across", lambda *_: (few, few))
-    first, second = (halves.segment == k for k in (0, 1))
-    assert not look.is_sure(odometry.T_segment_camera, first, second)
+    assert not look.is_sure(*second_moved(odometry, halves, [0, 0, 0]))
 
 
 @pytest.mark.parametrize(("off_m", "is_right"), [(0.1, True), (3.0, False)])
@@ -108,9 +114,8 @@ def test_halves_that_follow_each_other_are_not_joined_by_a_leap(
 ) -> None:
     """Shelves that look the same bear out any of them."""
     monkeypatch.setattr(look, "_across", lambda *_: ([], []))
-    first, second = (halves.segment == k for k in (0, 1))
-    moved = np.where(second[:, None, None], se3.make(np.eye(3), [off_m, 0, 0]), np.eye(4))
-    assert look.is_borne_out(moved @ odometry.T_segment_camera, first, second) == is_right
+    alignment = second_moved(odometry, halves, [off_m, 0, 0])
+    assert look.is_borne_out(*alignment) == is_right
 
 
 def test_halves_stay_apart_where_images_bear_no_closure_out(

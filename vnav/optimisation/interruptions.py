@@ -82,7 +82,8 @@ def passages(frames: FrameTable, poses: Array, a: Inside, b: Inside) -> list[Pas
                 continue
             took_s = stamp_s[j] - stamp_s[i]
             off_m = float(np.linalg.norm(at_m[i] + took_s * velocity[i] - at_m[j]))
-            most_m = _most(_unforeseen(at_m[rows], stamp_s[rows], took_s) for rows in sets)
+            of_sets = ((at_m[rows], velocity[rows], stamp_s[rows]) for rows in sets)
+            most_m = _most(_unforeseen(*of_set, took_s) for of_set in of_sets)
             found.append(Passage(i, j, at_m[j], off_m, most_m))
     return found
 
@@ -99,16 +100,16 @@ def _most(unforeseen_m: Iterable[float]) -> float:
     return max(farthest_m, SAME_POSE_M) if farthest_m else np.inf
 
 
-def _unforeseen(at_m: Array, stamp_s: Array, took_s: float) -> float:
+def _unforeseen(at_m: Array, velocity: Array, stamp_s: Array, took_s: float) -> float:
     """How far a camera came at most from where it would have gone on in such a time.
 
-    By places (N, 3); 0 where it was never followed for so long.
+    By places and velocities (N, 3); 0 where it was never followed for so long.
     """
     later = np.searchsorted(stamp_s, stamp_s + took_s)
     known = later < len(later)
     later = later[known]
     ahead_s = (stamp_s[later] - stamp_s[known])[:, None]
-    goes_on = at_m[known] + ahead_s * _velocities(at_m, stamp_s)[known]
+    goes_on = at_m[known] + ahead_s * velocity[known]
     return float(np.linalg.norm(at_m[later] - goes_on, axis=1).max(initial=0.0))
 
 

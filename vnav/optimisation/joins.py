@@ -61,8 +61,7 @@ class Joins:
         right, is_certain = _likely(passed, is_alone, lambda n: look.is_sure(found[n], a, b))
         self.unsure += [each for n in right for each in passed[n] if not is_certain]
         agrees = [self._agreeing(fitted[n], a, b) for n in right or found]
-        for n in fitted:
-            self.refused |= agreeing[n] & ~np.any(agrees, axis=0)
+        self.refused |= agreeing[list(fitted)].any(0) & ~np.any(agrees, axis=0)
         return right[0] if right else None
 
     def _fitted(self, poses: Array, a: Inside, b: Inside, across: Inside) -> Array:

@@ -19,7 +19,7 @@ from vnav.core.mapping import LOST, Odometry
 from vnav.core.reduced_frame import Seen
 from vnav.core.view_overlap import are_apart, view_overlap
 from vnav.registration.dense import align_surfaces
-from vnav.registration.surface_agreement import Agreement, agreements, borne_out, disagreeing
+from vnav.registration.surface_agreement import Agreement, agreements, borne_out_by, disagreeing
 
 MOST_PAIRS = 150  # of keyframes that are looked at
 MIN_OVERLAP = 0.3  # share of the view that both see
@@ -72,12 +72,9 @@ def find_revisits(
         pairs = evenly(rows[np.argwhere(wanted & (overlap >= MIN_OVERLAP))].tolist(), MOST_PAIRS)
         return agreements(pairs, T_world_depth, seen, config.registration)
 
-    def is_borne_out(each: Agreement) -> bool:
-        T_i_j = se3.inverse(poses[each.i]) @ poses[each.j]
-        return borne_out(seen(each.i), seen(each.j), T_i_j, config.registration)
-
     apart = are_apart(odometry, config.loops.exclude_s)
     next_to = [np.eye(len(rows), k=step, dtype=bool) for step in NEIGHBOURS]
+    is_borne_out = borne_out_by(poses, seen, config.registration)
     again, on = compare(np.triu(apart)), compare(np.any(next_to, 0) & ~apart)
     pairs = tuple((each.i, each.j) for each in again)
     i, j = np.array(pairs, np.intp).reshape(-1, 2).T

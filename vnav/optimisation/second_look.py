@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
-from functools import cached_property, lru_cache, partial
+from functools import cached_property, lru_cache
 
 import numpy as np
 
@@ -37,7 +37,7 @@ from vnav.registration.surface_agreement import (
     SEEN_THROUGH_SIGMAS,
     Agreement,
     agreements,
-    borne_out,
+    borne_out_by,
     disagreeing,
     seeing_through,
 )
@@ -112,14 +112,9 @@ class SecondLook:
         By poses (N, 4, 4) nearly all pairs of keyframes across agree, and there are enough of them.
         """
         pairs, neighbours = self._across(poses, a, b, MIN_OVERLAP, SEEN_THROUGH_SIGMAS)
-        apart = disagreeing(pairs, neighbours, partial(self._fits, poses))
+        is_borne_out = borne_out_by(poses, self._moving, self._config.registration)
+        apart = disagreeing(pairs, neighbours, is_borne_out)
         return len(pairs) >= LEAST_PAIRS and len(apart) <= MOST_APART * len(pairs)
-
-    def _fits(self, poses: Array, pair: Agreement) -> bool:
-        """Whether images bear out how two keyframes stand to each other by poses (N, 4, 4)."""
-        T_i_j = se3.inverse(poses[pair.i]) @ poses[pair.j]
-        seen = self._moving(pair.i), self._moving(pair.j)
-        return borne_out(*seen, T_i_j, self._config.registration)
 
     def _leaps(self, poses: Array, a: Inside, b: Inside) -> list[tuple[int, int]]:
         """Steps from a frame of one set to the next, of the other, that no camera makes, by rows.

@@ -120,6 +120,18 @@ def borne_out(a: ReducedFrame, b: ReducedFrame, T_a_b: Array, config: Registrati
     return bool((than_best > -CLEAR).all() and (than_others > CLEAR).all())
 
 
+def borne_out_by(
+    T_world_camera: Array, seen: Seen, config: RegistrationConfig
+) -> Callable[[Agreement], bool]:
+    """Whether images bear out how two keyframes stand to each other at their poses (N, 4, 4)."""
+
+    def is_borne_out(each: Agreement) -> bool:
+        T_i_j = se3.inverse(T_world_camera[each.i]) @ T_world_camera[each.j]
+        return borne_out(seen(each.i), seen(each.j), T_i_j, config)
+
+    return is_borne_out
+
+
 def seeing_through(
     revisits: Sequence[Agreement], neighbours: Sequence[Agreement]
 ) -> list[Agreement]:
