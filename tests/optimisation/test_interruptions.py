@@ -5,7 +5,7 @@ Ten frames a second, and a second without any before frame 40. Noise is what the
 """
 
 import dataclasses
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from itertools import compress
 
 import numpy as np
@@ -19,11 +19,16 @@ from vnav.core.mapping import LOST, FrameTable, Odometry
 from vnav.optimisation.interruptions import Passage, claims, lie_apart, passages
 from vnav.optimisation.mending import CUT, INTERRUPTED, LEFT_OUT, TAKEN, Mend
 from vnav.optimisation.robust_graph import RobustGraph, robust_pose_graph
+from vnav.optimisation.segments import SAME_POSE_M
 from vnav.synthetic.circle import LAP, edge, walk
 
 FIRST = LAP  # frame after the interruption, a keyframe
 BESIDE = se3.make(np.eye(3), [0, 1.5, 0.2])  # to the left of the first camera, which looks along x
 T = walk(2 * LAP)
+BESIDE_M = float(np.linalg.norm(BESIDE[:3, 3]))
+MOST_OFF_M = 0.02  # of the half's place: four times the noise of an edge
+BOOK_M = 0.15  # what looks alike is so far apart, too, and that is one place until images tell
+BOOK = BOOK_M / BESIDE_M
 Judge = Callable[[np.ndarray], bool]
 
 
@@ -50,12 +55,21 @@ def closures(times: float, count: int, seed: int = 3) -> list[Edge]:
     return [edge(moved(times), EVERY * k, FIRST + EVERY * k, rng) for k in range(count)]
 
 
-class PlacesLook(FixedLook):
-    """A second look that bears out, or is sure of, alignments by where the second half lies."""
+def beside(poses: np.ndarray, times: float = 0.0) -> float:
+    """How far the second half is, in metres, from so many times beside its place."""
+    at_m, true_m = ((se3.inverse(P[0]) @ P[FIRST])[:3, 3] for P in (poses, T))
+    return float(np.linalg.norm(at_m - true_m - times * BESIDE[:3, 3]))
 
-    def __init__(self, borne_out: Judge, sure: Judge = lambda _: False) -> None:
+
+class PlacesLook(FixedLook):
+    """A second look that bears out, or is sure of, alignments by where the second half lies.
+
+    ``clear``: log-odds of where it is over a book beside that.
+    """
+
+    def __init__(self, borne_out: Judge, sure: Judge = lambda _: False, clear: float = 0.0) -> None:
         super().__init__(None)
-        self._borne_out, self._sure = borne_out, sure
+        self._borne_out, self._sure, self._clear = borne_out, sure, clear
 
     def is_borne_out(self, poses: np.ndarray, *_: object) -> bool:
         return self._borne_out(poses)
@@ -63,15 +77,16 @@ class PlacesLook(FixedLook):
     def is_sure(self, poses: np.ndarray, *_: object) -> bool:
         return self._sure(poses)
 
+    def log_odds_across(self, places: Sequence[np.ndarray], *_: object) -> np.ndarray:
+        favour = np.array([self._clear * (beside(poses) < BOOK_M / 2) for poses in places])
+        return favour[:, None] - favour
+
 
 def lies(*times: float) -> Judge:
     """Whether the second half lies so far beside its place, by less than 0.3 m."""
 
     def judge(poses: np.ndarray) -> bool:
-        apart = (se3.inverse(poses[0]) @ poses[FIRST])[:3, 3] - (se3.inverse(T[0]) @ T[FIRST])[
-            :3, 3
-        ]
-        return any(np.linalg.norm(apart - t * BESIDE[:3, 3]) < 0.3 for t in times)
+        return any(beside(poses, t) < SAME_POSE_M for t in times)
 
     return judge
 
@@ -193,3 +208,23 @@ def test_where_images_refute_all_of_several_places_a_walk_is_cut() -> None:
     robust = joined(1, [*closures(1, 6), *closures(0, 2, seed=4)], PlacesLook(lies()))
     assert not robust.graph.kept.any()
     assert robust.part.tolist() == [0] * FIRST + [1] * (len(T) - FIRST)
+
+
+def test_of_places_a_book_apart_images_tell_which_however_many_are_for_the_other() -> None:
+    found = [*closures(BOOK, 3), *closures(0, 2, seed=4)]
+    robust = joined(BOOK, found, PlacesLook(lies(0), clear=5.0))
+    assert robust.mends == (Mend(FIRST, FIRST, LEFT_OUT, why=INTERRUPTED),)
+    assert robust.graph.kept.tolist() == [False] * 3 + [True] * 2
+    assert beside(robust.graph.T_world_camera) < MOST_OFF_M
+
+
+def test_where_images_do_not_tell_places_a_book_apart_most_count_and_it_is_told_of() -> None:
+    found = [*closures(BOOK, 1), *closures(0, 4, seed=4)]
+    robust = joined(BOOK, found, PlacesLook(lies(0)))
+    assert robust.mends == (Mend(FIRST - 1, FIRST, TAKEN, why=INTERRUPTED),)
+    assert robust.graph.kept.tolist() == [False] + [True] * 4
+
+
+def test_closures_that_are_off_by_what_does_no_harm_make_no_other_place() -> None:
+    robust = joined(0, closures(0.02 / BESIDE_M, 2), PlacesLook(lies(0)))
+    assert robust.mends == ()

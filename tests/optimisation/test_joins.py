@@ -20,9 +20,11 @@ from vnav.io.store.artifacts import load_keyframe
 from vnav.io.store.map_folder import MapFolder
 from vnav.optimisation.robust_graph import RobustGraph, robust_pose_graph
 from vnav.optimisation.second_look import LEAST_PAIRS, SecondLook
+from vnav.registration.judge import CLEAR
 from vnav.registration.surface_agreement import Agreement
 
 RIGHT, WRONG = 3, 6  # closures
+BOOK_M = 0.15
 DRIFT_M = 0.12  # along x and z: 15 to 30 sigma of depth at 2 m
 ELSEWHERE = se3.make(se3.exp_so3([0, 0.3, 0]), [1.0, 0, 0.4])  # y is down in the first camera
 
@@ -93,6 +95,25 @@ def test_images_are_sure_of_halves_that_stand_right_alone(
 ) -> None:
     alignment = second_moved(odometry, halves, [off_m, 0, off_m])
     assert look.is_sure(*alignment) == is_right
+
+
+@pytest.mark.parametrize("number", [0, 1, 2])
+def test_images_tell_where_a_half_stands_from_places_a_book_apart(
+    number: int, odometry: Odometry, halves: Odometry, look: SecondLook
+) -> None:
+    off_m = np.roll([0.0, BOOK_M, -BOOK_M], number).tolist()
+    places = [second_moved(odometry, halves, [x, 0, 0])[0] for x in off_m]
+    first, second = (halves.segment == k for k in (0, 1))
+    log_odds = look.log_odds_across(places, first, second)
+    np.fill_diagonal(log_odds, np.inf)
+    assert (log_odds.min(1) > CLEAR).tolist() == [x == 0.0 for x in off_m]
+
+
+def test_images_that_share_nothing_do_not_tell_where_a_half_stands(
+    odometry: Odometry, halves: Odometry, look: SecondLook
+) -> None:
+    poses, *sets = second_moved(odometry, halves, [100.0, 0, 0])
+    assert not look.log_odds_across([poses, poses], *sets).any()
 
 
 def test_images_are_not_sure_of_halves_that_few_keyframes_share(

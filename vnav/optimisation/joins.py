@@ -1,6 +1,6 @@
 """Which of several ways to join two sets of frames is right, by what their keyframes see."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from itertools import compress
 
 import numpy as np
@@ -11,10 +11,13 @@ from vnav.core.frame import Edge
 from vnav.core.graph import ends_of
 from vnav.core.mapping import Odometry
 from vnav.optimisation import pose_graph
+from vnav.optimisation.cycles import are_wrong
 from vnav.optimisation.interruptions import Passage, lie_apart, passages
 from vnav.optimisation.second_look import SecondLook
 from vnav.optimisation.segments import Inside, same_pose
+from vnav.registration.judge import CLEAR
 
+MOST_PLACES = 4  # a book or two apart, of an alignment
 ALONE = 0.8  # share of the votes of places that a place has which nothing contradicts
 
 
@@ -50,34 +53,71 @@ class Joins:
         if look is None:
             return 0
         agreeing = np.stack([self._agreeing(poses, a, b) for poses in alignments])
-        fitted = {
-            n: self._fitted(alignments[n], a, b, across)
+        placed = {
+            n: self._placed(alignments[n], a, b, across, look)
             for n, across in enumerate(agreeing)
             if not self.refused[across].all()
         }
-        found = {n: poses for n, poses in fitted.items() if look.is_borne_out(poses, a, b)}
+        found = {n: poses for n, (poses, _) in placed.items() if look.is_borne_out(poses, a, b)}
         passed = {n: passages(self._odometry.frames, P, a, b) for n, P in found.items()}
         is_alone = agreeing[list(found)].sum() >= ALONE * agreeing.sum()
         right, is_certain = _likely(passed, is_alone, lambda n: look.is_sure(found[n], a, b))
-        self.unsure += [each for n in right for each in passed[n] if not is_certain]
-        agrees = [self._agreeing(fitted[n], a, b) for n in right or found]
-        self.refused |= agreeing[list(fitted)].any(0) & ~np.any(agrees, axis=0)
+        self.unsure += [p for n in right for p in passed[n] if not (is_certain and placed[n][1])]
+        agrees = [self._agreeing(placed[n][0], a, b) for n in right or found]
+        self.refused |= agreeing[list(placed)].any(0) & ~np.any(agrees, axis=0)
         return right[0] if right else None
 
-    def _fitted(self, poses: Array, a: Inside, b: Inside, across: Inside) -> Array:
-        """Poses (N, 4, 4) without drift, by the candidates across that agree with them."""
+    def _placed(
+        self, poses: Array, a: Inside, b: Inside, across: Inside, look: SecondLook
+    ) -> tuple[Array, bool]:
+        """Poses (N, 4, 4) without drift, by the candidates across that agree with them.
+
+        Where these agree on several places, a book apart, images tell which, and the candidates of
+        the others are refused. The second answer is whether images are `CLEAR` of it.
+        """
+        places = list(self._places(poses, a, b, across & ~self.refused))
+        log_odds = look.log_odds_across([fitted for fitted, _ in places], a, b)
+        np.fill_diagonal(log_odds, np.inf)
+        best = int(log_odds.min(1).argmax())
+        (fitted, kept), is_clear = places[best], bool(log_odds[best].min() > CLEAR)
+        self.refused |= np.any([others for _, others in places], axis=0) & ~kept
+        return fitted, is_clear
+
+    def _places(
+        self, poses: Array, a: Inside, b: Inside, across: Inside
+    ) -> Iterator[tuple[Array, Inside]]:
+        """Poses (N, 4, 4) that candidates across (C,) fit, and which: most first.
+
+        Those that do not fit are asked for another place, and those again.
+        """
         poses = np.where((a | b)[:, None, None], poses, np.nan)
         inside = [e for e in self._odometry.edges if (a | b)[e.i] and (a | b)[e.j]]
         within = (a[self._ends].all(1) | b[self._ends].all(1)) & ~self.refused
-        used = list(compress(self._candidates, across | within))
-        return pose_graph.optimise(poses, inside, used, self._max_sigmas).T_world_camera
+        for number in range(MOST_PLACES):
+            used = across | within
+            graph = pose_graph.optimise(
+                poses, inside, list(compress(self._candidates, used)), self._max_sigmas
+            )
+            kept = np.zeros(len(used), bool)
+            kept[used] = graph.kept
+            if number and not (across & kept).any():
+                return
+            yield graph.T_world_camera, across & kept
+            across = across & ~kept & are_wrong(self._off(graph.T_world_camera))
+            if not across.any():
+                return
 
     def _agreeing(self, poses: Array, a: Inside, b: Inside) -> Inside:
         """Which candidates (C,) between the two agree with poses."""
         i, j = self._ends.T
-        T_i_j = np.stack([e.T_i_j for e in self._candidates])
         across = (a[i] & b[j]) | (b[i] & a[j])
-        return np.asarray(across & same_pose(se3.inverse(poses[i] @ T_i_j) @ poses[j]))
+        return np.asarray(across & same_pose(self._off(poses)))
+
+    def _off(self, poses: Array) -> Array:
+        """By how much (C, 4, 4) candidates are off by poses (N, 4, 4)."""
+        i, j = self._ends.T
+        T_i_j = np.stack([e.T_i_j for e in self._candidates])
+        return np.asarray(se3.inverse(poses[i] @ T_i_j) @ poses[j])
 
 
 def _likely(

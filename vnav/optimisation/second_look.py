@@ -29,7 +29,7 @@ from vnav.optimisation.revisits import (
 )
 from vnav.optimisation.segments import Inside, same_pose
 from vnav.registration.dense import align
-from vnav.registration.judge import CLEAR, judge
+from vnav.registration.judge import CLEAR, PixelEvidence, judge
 from vnav.registration.points3d import PointRegistration
 from vnav.registration.reduction import reduced
 from vnav.registration.surface_agreement import (
@@ -116,6 +116,16 @@ class SecondLook:
         apart = disagreeing(pairs, neighbours, is_borne_out)
         return len(pairs) >= LEAST_PAIRS and len(apart) <= MOST_APART * len(pairs)
 
+    def log_odds_across(self, places: Sequence[Array], a: Inside, b: Inside) -> Array:
+        """Of each of several places, poses (N, 4, 4), against each (C, C), by all pixels.
+
+        They are of one coarse place, and join two sets of frames (N,).
+        """
+        count = len(places)
+        pairs = self._overlapping(places[0], a, b, MIN_OVERLAP)[0] if count > 1 else []
+        told = [self._judged(i, j, [se3.inverse(T[i]) @ T[j] for T in places]) for i, j in pairs]
+        return sum(told[1:], told[0]).log_odds[:count, :count] if told else np.zeros((count, count))
+
     def _leaps(self, poses: Array, a: Inside, b: Inside) -> list[tuple[int, int]]:
         """Steps from a frame of one set to the next, of the other, that no camera makes, by rows.
 
@@ -134,6 +144,17 @@ class SecondLook:
 
         Those that see so much of each other, `MOST_PAIRS` of either kind.
         """
+        pairs, neighbours = self._overlapping(poses, a, b, min_overlap)
+        as_seen = self._moving, self._config.registration, through_sigmas
+        return agreements(pairs, poses, *as_seen), agreements(neighbours, poses, *as_seen)
+
+    def _overlapping(
+        self, poses: Array, a: Inside, b: Inside, min_overlap: float
+    ) -> tuple[list[Pair], list[Pair]]:
+        """Pairs of keyframes of two sets that see so much of each other, and neighbours that do.
+
+        By poses (N, 4, 4); neighbours are of one segment; `MOST_PAIRS` of either kind.
+        """
         odometry = self._odometry
         rows, segment = odometry.keyframe_rows, odometry.segment[odometry.keyframe_rows]
         part = np.where(a | b, 0, LOST).astype(np.int32)
@@ -146,8 +167,7 @@ class SecondLook:
             )
             for wanted in (across, next_to)
         )
-        as_seen = self._moving, self._config.registration, through_sigmas
-        return agreements(pairs, poses, *as_seen), agreements(neighbours, poses, *as_seen)
+        return pairs, neighbours
 
     def _log_odds_before(self, stretch: Contradiction) -> float:
         """Of odometry's motion across a stretch, by the least probable of its frames' edges."""
@@ -180,8 +200,11 @@ class SecondLook:
 
     def log_odds(self, i: int, j: int, motions: Sequence[Array]) -> Array:
         """Of each motion (C,) from keyframe i to j against each (C + 1, C + 1), none the last."""
+        return self._judged(i, j, motions).log_odds
+
+    def _judged(self, i: int, j: int, motions: Sequence[Array]) -> PixelEvidence:
         a, b = (self._moving(row) for row in (i, j))
-        return judge(a, b, motions, self._config.registration).log_odds
+        return judge(a, b, motions, self._config.registration)
 
     def _reduced_at(self, row: int) -> ReducedFrame:
         """A keyframe's pixels, and how fast it moved."""
