@@ -1,6 +1,7 @@
 from dataclasses import replace
 
 import numpy as np
+import pytest
 
 from vnav.core.mapping import MOST_SPANS, FrameTable, Span, in_short
 
@@ -29,6 +30,28 @@ def test_depth_is_uneven_by_what_its_stamps_are_off_their_captures_median() -> N
     # The second capture's stay within a millisecond; of the third, and one frame, none is known.
     np.testing.assert_allclose(frames.uneven_s, [-0.01, 0.01, 0, 0, 0, 0, 0, 0], atol=1e-12)
     assert not table(3, 3).uneven_s.any()
+
+
+@pytest.mark.parametrize(
+    ("gap_s", "expected"),
+    [
+        ([0.1, 0.1, 0.5, 0.1], [2]),  # more than 0.4 s
+        ([0.1, 0.1, 0.39, 0.1], []),
+        ([0.5, 0.5, 1.4, 0.5], []),  # less than three times what is usual
+        ([0.5, 0.5, 1.6, 0.5], [2]),
+    ],
+)
+def test_a_capture_is_interrupted_where_a_hand_may_have_gone_anywhere(
+    gap_s: list[float], expected: list[int]
+) -> None:
+    stamps_s = np.cumsum([0.0, *gap_s])
+    frames = FrameTable(np.zeros(5), np.arange(5), stamps_s)
+    assert np.flatnonzero(frames.interrupted(np.arange(5))).tolist() == expected
+
+
+@pytest.mark.parametrize("count", [0, 1])
+def test_so_few_frames_have_no_interruption(count: int) -> None:
+    assert not len(table(9).interrupted(np.arange(count)))
 
 
 def test_where_nothing_is_to_be_said_there_is_no_span() -> None:

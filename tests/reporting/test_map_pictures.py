@@ -1,6 +1,7 @@
 """What the pictures of a map show."""
 
 import shutil
+from dataclasses import replace
 from pathlib import Path
 
 import cv2
@@ -9,6 +10,7 @@ import pytest
 from matplotlib.patches import Patch
 
 from vnav.core.grid import FREE, OCCUPIED, UNKNOWN, Grid
+from vnav.core.mapping import Odometry
 from vnav.core.places import GOAL, KEEP_OUT, ONE_WAY, Anchor, LostPlace, NamedPlace
 from vnav.core.point_cloud import PointCloud
 from vnav.io.formats.grid_files import read_grid
@@ -105,6 +107,27 @@ def test_the_trajectory_counts_keyframes_loops_and_frames_without_a_pose(fused_m
     assert "keyframes (12)" in legend
     assert "accepted loops (1)" in legend
     assert "frames without a pose (1)" in legend
+
+
+def interrupted_after(odometry: Odometry, row: int) -> Odometry:
+    """The same, where the next frame comes a second later."""
+    frames = odometry.frames
+    later = np.arange(len(frames)) > row
+    return replace(odometry, frames=replace(frames, stamp_s=frames.stamp_s + later))
+
+
+def test_no_line_claims_the_way_where_the_camera_was_not_followed(fused_map: Path) -> None:
+    folder = MapFolder(fused_map)
+    poses = load_optimised(folder).T_world_camera
+    odometry = interrupted_after(load_odometry(folder), 20)
+    figure = pictures.trajectory_figure(GRID, odometry, poses, ())
+    drawn = {line.get_linestyle(): [] for line in figure.axes[0].lines}
+    for line in figure.axes[0].lines:
+        drawn[line.get_linestyle()].append(line.get_xydata().tolist())
+    across = poses[20:22, :2, 3].tolist()
+    assert across in drawn[":"]
+    assert not any(a in line and b in line for line in drawn["-"] for a, b in [across])
+    assert "frames without a pose (1), interruptions (1)" in legend_of(figure)
 
 
 def test_a_path_beyond_the_grid_is_shown_whole(fused_map: Path) -> None:

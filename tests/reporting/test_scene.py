@@ -4,6 +4,7 @@ import base64
 import json
 import re
 import shutil
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +16,12 @@ from scipy.spatial import cKDTree
 from vnav.core import se3
 from vnav.core.camera import Intrinsics
 from vnav.core.point_cloud import Mesh, PointCloud
-from vnav.io.store.artifacts import load_cloud, load_mesh, load_optimised
+from vnav.io.store.artifacts import (
+    load_cloud,
+    load_mesh,
+    load_odometry,
+    load_optimised,
+)
 from vnav.io.store.map_folder import MapFolder
 from vnav.io.store.records import PATH_M
 from vnav.reporting import view3d
@@ -41,8 +47,12 @@ def copied(fused_map: Path, tmp_path: Path) -> MapFolder:
 
 @pytest.fixture(scope="module")
 def values(fused_map: Path) -> dict[str, Any]:
+    return values_of(MapFolder(fused_map))
+
+
+def values_of(folder: MapFolder) -> dict[str, Any]:
     """What a page holds for its script."""
-    text = view3d.figure(MapFolder(fused_map))
+    text = view3d.figure(folder)
     data = re.search(r'<script type="application/json" id="view-data">(.*?)</script>', text)
     assert data is not None
     return dict(json.loads(data[1]))
@@ -108,6 +118,17 @@ def test_the_trajectory_is_that_of_the_map(fused_map: Path, values: dict[str, An
     poses = load_optimised(MapFolder(fused_map)).T_world_camera
     assert np.isnan(poses[7]).all()
     np.testing.assert_array_equal(array(line, "<f4", 3), poses[:, :3, 3].astype("<f4"))
+
+
+def test_the_trajectory_has_a_line_on_either_side_of_an_interruption(
+    fused_map: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    odometry = load_odometry(MapFolder(fused_map))
+    stamps_s = odometry.frames.stamp_s + (np.arange(len(odometry.frames)) > 20)
+    later = replace(odometry, frames=replace(odometry.frames, stamp_s=stamps_s))
+    monkeypatch.setattr("vnav.reporting.scene.load_odometry", lambda _: later)
+    lines = values_of(MapFolder(fused_map))["layers"]["trajectory"]["lines"]
+    assert [len(array(line, "<f4", 3)) for line in lines] == [21, len(stamps_s) - 21]
 
 
 def test_keyframes_and_accepted_loops_stand_where_their_poses_are(

@@ -15,6 +15,7 @@ from vnav.core.trajectory import Trajectory
 
 LOST = -1
 EVEN_S = 1e-3  # by which stamps of depth may vary against colour's, and count as even
+FOLLOWED_S, TIMES_USUAL = 0.4, 3.0  # seconds, and usual steps, for which a hand's motion goes on
 MOST_SPANS = 10  # lost for one reason, that are told one by one
 EVEN_LIGHT = frozen(np.array([[1, 0, 0]], np.float32), np.float32, (1, 3))  # of one capture
 CONTRADICTS = "disagrees with the pose graph"  # reason of a loop that was found and is not kept
@@ -60,6 +61,15 @@ class FrameTable:
             if np.abs(varies_s).max(initial=0) >= EVEN_S:
                 uneven_s[rows] = varies_s
         return uneven_s
+
+    def interrupted(self, rows: NDArray[np.intp]) -> NDArray[np.bool_]:
+        """After which of a capture's frames (N,), in order, the camera was not followed (N - 1,).
+
+        How a hand goes on is told for some tenths of a second by how it moved.
+        """
+        gap_s = np.diff(self.stamp_s[rows])
+        usual_s = np.median(gap_s) if len(gap_s) else 0.0
+        return np.asarray(gap_s > max(FOLLOWED_S, TIMES_USUAL * usual_s))
 
     def lost_spans(self, reasons: Sequence[str]) -> list["Span"]:
         """Runs of neighbouring frames of one capture lost for one reason, empty where not lost."""

@@ -1,7 +1,6 @@
 """Times for which odometry did not follow the camera: an edge across one is a claim, as a loop is.
 
-How a hand goes on is told for some tenths of a second by how it moved. After more it may be
-anywhere, and what it sees then may be seen from other places, too.
+After one a hand may be anywhere, and what it sees then may be seen from other places, too.
 """
 
 from collections.abc import Collection, Iterable, Iterator, Sequence
@@ -16,7 +15,6 @@ from vnav.core.graph import chain, ends_of
 from vnav.core.mapping import LOST, FrameTable, Odometry
 from vnav.optimisation.segments import SAME_POSE_M, Inside
 
-FOLLOWED_S, TIMES_USUAL = 0.4, 3.0  # seconds, and usual steps, for which a hand's motion goes on
 VELOCITY_S = 0.3  # over which a motion is told that goes on
 TIMES_FARTHEST = 1.25  # as far from there as elsewhere at most; what is farther is hardly true
 
@@ -30,7 +28,7 @@ def claims(odometry: Odometry) -> NDArray[np.bool_]:
     across = np.zeros(len(ends), bool)
     for each in np.unique(segment[segment != LOST]):
         rows = np.flatnonzero(segment == each)
-        first = rows[1:][_is_interrupted(frames, rows)]
+        first = rows[1:][frames.interrupted(rows)]
         inside = segment[ends[:, 0]] == each
         across |= inside & (np.diff(np.searchsorted(first, ends, side="right"))[:, 0] != 0)
     if not across.any():
@@ -38,13 +36,6 @@ def claims(odometry: Odometry) -> NDArray[np.bool_]:
     followed = list(compress(odometry.edges, ~across))
     _, held = chain(len(frames), followed, odometry.keyframe_rows.tolist())
     return np.asarray(across & (held[ends] != LOST).all(1))
-
-
-def _is_interrupted(frames: FrameTable, rows: NDArray[np.intp]) -> NDArray[np.bool_]:
-    """Whether there is an interruption between each of some frames and the next (N - 1,)."""
-    gap_s = np.diff(frames.stamp_s[rows])
-    usual_s = np.median(gap_s) if len(gap_s) else 0.0
-    return np.asarray(gap_s > max(FOLLOWED_S, TIMES_USUAL * usual_s))
 
 
 @dataclass(frozen=True)

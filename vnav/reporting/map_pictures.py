@@ -13,10 +13,11 @@ from matplotlib.colors import to_rgba
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
+from numpy.typing import NDArray
 
 from vnav.core.arrays import Array
 from vnav.core.grid import STATES, UNKNOWN, Grid
-from vnav.core.mapping import LoopVerdict, Odometry
+from vnav.core.mapping import FrameTable, LoopVerdict, Odometry
 from vnav.core.places import GOAL, LostPlace, NamedPlace, zones_of
 from vnav.core.point_cloud import PointCloud
 from vnav.io.files import write_bytes
@@ -34,6 +35,7 @@ MARGIN_M = 0.3  # about the path
 CUT_M = 2.0  # the cloud is drawn up to this height: ceilings would hide the rooms
 START: dict[str, Any] = {"marker": "o", "ms": 12, "mfc": "none", "mew": 2.5, "zorder": 5}
 END: dict[str, Any] = {"marker": "s", "ms": 5, "zorder": 6}  # it shows in the ring of the start
+NOT_FOLLOWED = "#e53935"
 PIXEL_M = 0.02  # of the cloud's picture
 LONGEST_PX = 1500  # its longest side; larger maps get larger pixels
 
@@ -70,7 +72,7 @@ def _png(figure: Figure) -> bytes:
 def trajectory_figure(
     grid: Grid, odometry: Odometry, T_world_camera: Array, loops: tuple[LoopVerdict, ...]
 ) -> Figure:
-    """The camera's path on the faded grid: accepted loops, and gaps where frames have no pose."""
+    """The camera's path on the faded grid: accepted loops, and gaps where it was not followed."""
     path = T_world_camera[:, :2, 3]
     left, right, bottom, top = extent_of(grid)
     (x_min, y_min), (x_max, y_max) = np.nanmin(path, 0) - MARGIN_M, np.nanmax(path, 0) + MARGIN_M
@@ -79,8 +81,11 @@ def trajectory_figure(
     axes.set_facecolor(to_rgba(COLORS[UNKNOWN], FADED))
     axes.imshow(grid_image(grid), origin="lower", extent=extent_of(grid), alpha=FADED)
     axes.set(xlim=shown[:2], ylim=shown[2:])
-    for capture in np.unique(odometry.frames.capture):
-        _draw_path(axes, path[odometry.frames.capture == capture])
+    interruptions, frames = 0, odometry.frames
+    for capture in np.unique(frames.capture):
+        of_capture = np.flatnonzero(frames.capture == capture)
+        _draw_path(axes, path, frames, of_capture)
+        interruptions += int(frames.interrupted(of_capture).sum())
     rows = [keyframe.row for keyframe in odometry.keyframes]
     closed = [(rows[v.i], rows[v.j]) for v in loops if v.accepted and v.is_loop]
     ends = np.array(closed, int).reshape(-1, 2)
@@ -93,11 +98,8 @@ def trajectory_figure(
         Line2D([], [], color="#2e7d32", ls="", **START, label="start"),
         Line2D([], [], color="#e65100", ls="", **END, label="end"),
     ]
-    missing = ~np.isfinite(path[:, 0])
-    if missing.any():
-        label = f"frames without a pose ({missing.sum()})"
-        entries.append(Line2D([], [], color="#e53935", lw=2, ls=":", label=label))
-    legend(figure, entries)
+    missing = int((~np.isfinite(path[:, 0])).sum())
+    legend(figure, [*entries, *_not_followed(missing, interruptions)])
     return figure
 
 
@@ -137,13 +139,24 @@ def cloud_figure(cloud: PointCloud) -> Figure:
     return figure
 
 
-def _draw_path(axes: Axes, path_xy: Array) -> None:
-    """One capture's path (N, 2): NaN where a frame has no pose, which the dotted lines bridge."""
-    axes.plot(*path_xy.T, color="#1e88e5", lw=1.8, solid_capstyle="round")
-    known = np.flatnonzero(np.isfinite(path_xy[:, 0]))
-    for before, after in zip(known[:-1], known[1:], strict=True):
-        if after > before + 1:
-            axes.plot(*path_xy[[before, after]].T, color="#e53935", lw=1.8, ls=":")
+def _draw_path(axes: Axes, path_xy: Array, frames: FrameTable, rows: NDArray[np.intp]) -> None:
+    """One capture's path, frames ``rows`` of all (N, 2), in pieces that dotted lines join.
+
+    NaN where a frame has no pose.
+    """
+    known = rows[np.isfinite(path_xy[rows, 0])]
+    apart = (np.diff(known) > 1) | frames.interrupted(known)
+    for piece in np.split(known, np.flatnonzero(apart) + 1):
+        axes.plot(*path_xy[piece].T, color="#1e88e5", lw=1.8, solid_capstyle="round")
+    for ends in zip(known[:-1][apart], known[1:][apart], strict=True):
+        axes.plot(*path_xy[[*ends]].T, color=NOT_FOLLOWED, lw=1.8, ls=":")
     if len(known):
         axes.plot(*path_xy[known[0]], color="#2e7d32", **START)
         axes.plot(*path_xy[known[-1]], color="#e65100", **END)
+
+
+def _not_followed(missing: int, interruptions: int) -> list[Line2D]:
+    """What dotted lines stand for, where there are some."""
+    counted = {"frames without a pose": missing, "interruptions": interruptions}
+    label = ", ".join(f"{name} ({count})" for name, count in counted.items() if count)
+    return [Line2D([], [], color=NOT_FOLLOWED, lw=2, ls=":", label=label)] if label else []

@@ -99,9 +99,13 @@ def _box(points: Array) -> tuple[Array, Array]:
 
 
 def _trajectory(odometry: Odometry, poses: Array) -> Layer:
-    """A line a capture, NaN where a frame has no pose."""
-    captures = odometry.frames.capture
-    lines = [poses[captures == k, :3, 3].astype("<f4") for k in np.unique(captures)]
+    """Lines from one interruption of a capture to the next, NaN where a frame has no pose."""
+    frames, places = odometry.frames, poses[:, :3, 3].astype("<f4")
+    lines = []
+    for capture in np.unique(frames.capture):
+        rows = np.flatnonzero(frames.capture == capture)
+        last = np.flatnonzero(frames.interrupted(rows))
+        lines += np.split(places[rows], last + 1)
     return Layer("trajectory", "#1e88e5", {"kind": "lines", "lines": lines})
 
 
