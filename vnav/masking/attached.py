@@ -62,9 +62,10 @@ def with_attached(
     has_left, stays = np.zeros((2, count), bool)
     sigma = float(np.sqrt(2)) * sigma_per_m2
     for other in others:
-        if left_in(other, sigma).any():
+        left = left_in(other, sigma)
+        if left.any():
             off = max(sigma, misfit(view, other, sigma_per_m2, margin_m))
-            left = left_in(other, off)
+            left = left_in(other, off) if off > sigma else left
             has_left |= left
             stays |= left & beside.most(view, other, off, margin_m, count)[SAME]
     soonest_s = np.full(count, np.inf, np.float32)

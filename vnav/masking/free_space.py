@@ -125,9 +125,7 @@ def places_in(other: PosedView, view: PosedView, step: int = 1) -> tuple[NDArray
 
 def projection(other: PosedView, view: PosedView) -> Projection:
     """What takes (u, v, 1, inverse depth) of a view's block to that of another, times z: (3, 4)."""
-    T, K = other.T_camera_track @ view.T_track_camera, view.frame.intrinsics.K
-    rows = K @ np.hstack([T[:3, :3] @ np.linalg.inv(K), T[:3, 3:]])
-    return tuple(rows.ravel().tolist())
+    return tuple((other.from_track @ view.to_track).ravel().tolist())
 
 
 @compiled

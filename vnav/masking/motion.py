@@ -91,8 +91,12 @@ class MotionMask:
             return result
         moved_s = self._carrier.carried(view, beside)
         moved_s += np.float32(abs(view.frame.stamp_s - beside.view.frame.stamp_s))
-        seen_still = self._carrier.seen_still(view, witnesses)
-        found = large(opened((moved_s <= REMEMBERED_S) & (seen_still <= 0)), self._min_blocks)
+        moves = moved_s <= REMEMBERED_S
+        if not moves.any():
+            return result
+        asked = np.isin(view.surfaces, view.surfaces[moves])
+        seen_still = self._carrier.seen_still(view, asked, witnesses)
+        found = large(opened(moves & (seen_still <= 0)), self._min_blocks)
         return completed(np.where(found, moved_s, result), view, seen_still > MAX_SAME)
 
     def with_attached(self, masked: MaskedView, others: Sequence[PosedView]) -> Floats:

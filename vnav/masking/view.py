@@ -69,6 +69,18 @@ class PosedView:
         return se3.inverse(self.T_track_camera)
 
     @cached_property
+    def to_track(self) -> Array:
+        """What takes (u, v, 1, inverse depth) of its blocks to the track, over depth (4, 4)."""
+        back = np.eye(4)
+        back[:3, :3] = np.linalg.inv(self.frame.intrinsics.K)
+        return self.T_track_camera @ back
+
+    @cached_property
+    def from_track(self) -> Array:
+        """What takes a point of the track to (u, v, 1) of its blocks, times z (3, 4)."""
+        return self.frame.intrinsics.K @ self.T_camera_track[:3]
+
+    @cached_property
     def surfaces(self) -> NDArray[np.int32]:
         """The number of each block's surface (h, w), 0 where there is no depth."""
         return surfaces(self.frame)
