@@ -1,17 +1,19 @@
 """Recordings that are interrupted for seconds, past what repeats itself and past unlike things.
 
-    python benchmarks/interrupted.py OUT [--scenes library shop] [--seeds 0] [--record]
+    python benchmarks/interrupted.py OUT [--scenes library shop] [--seeds 0] [--people 3] [--record]
 
 renders walks of 10 frames a second at 320 x 240 to OUT/captures, takes frames out of them, and maps
 what is left up to its poses, to OUT/maps, each once. Some walks end before they come to a place
-that was seen before the gap. A map's verdict is held against its ATE, as a share of its path. Exit
-code 1 where a wrong map is called good.
+that was seen before the gap. People may walk about there, who come and leave in the gap, too. A
+map's verdict is held against its ATE, as a share of its path. Exit code 1 where a wrong map is
+called good.
 """
 
 import argparse
 import sys
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from itertools import product
 from pathlib import Path
 
 import numpy as np
@@ -22,9 +24,11 @@ from repeating import SCENE_NAMES, spec_of
 from verdicts import WRONG, of_verdict, scored_and_doubtful, with_poses
 
 from vnav.config import Config
+from vnav.synthetic import CaptureSpec
 
 SCENES = *SCENE_NAMES, "one_room", "apartment"
 WIDTH = 320
+SHARE = 0.07  # of the pixels that one walker covers
 
 
 @dataclass(frozen=True)
@@ -55,6 +59,11 @@ GAPS = (
 )
 
 
+def walk(scene: str, seed: int, people: int) -> CaptureSpec:
+    """A whole walk, among so many people."""
+    return replace(spec_of(scene, seed, WIDTH), walkers=people, walker_share=SHARE * people)
+
+
 def of_gap(on: str, capture: Path, map_of: Path) -> Iterator[Measurement]:
     """One recording: its map against the truth, and what the map says of itself."""
     config = Config()
@@ -72,22 +81,24 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("out", type=Path, help="of captures and maps, which are made once")
     parser.add_argument("--scenes", nargs="+", choices=SCENES, default=SCENES)
     parser.add_argument("--seeds", nargs="+", type=int, default=[0])
+    parser.add_argument("--people", type=int, default=0, help="who walk about there")
     add_record_option(parser)
     asked = parser.parse_args(arguments)
     captures, maps = asked.out / "captures", asked.out / "maps"
     for folder in (captures, maps):
         folder.mkdir(parents=True, exist_ok=True)
     found: list[Measurement] = []
-    for scene in asked.scenes:
-        for seed in asked.seeds:
-            whole = captures / f"{scene}_seed{seed}"
-            source = Source.open(rendered(whole, spec_of(scene, seed, WIDTH)))
-            for n, gap in enumerate(GAPS):
-                name = f"{whole.name}_gap{n}"
-                capture = gap.taken(source, captures / name)
-                found += of_gap(f"{scene}, seed {seed}, {gap}", capture, maps / name)
-                print(f"{table(found)}\n", flush=True)
-    return conclude("interrupted", found, asked, arguments)
+    for scene, seed in product(asked.scenes, asked.seeds):
+        among = f", {asked.people} people" if asked.people else ""
+        whole = captures / f"{scene}{among.replace(', ', '_').replace(' ', '_')}_seed{seed}"
+        source = Source.open(rendered(whole, walk(scene, seed, asked.people)))
+        for n, gap in enumerate(GAPS):
+            name = f"{whole.name}_gap{n}"
+            capture = gap.taken(source, captures / name)
+            found += of_gap(f"{scene}{among}, seed {seed}, {gap}", capture, maps / name)
+            print(f"{table(found)}\n", flush=True)
+    record = "interrupted_among_people" if asked.people else "interrupted"
+    return conclude(record, found, asked, arguments)
 
 
 if __name__ == "__main__":

@@ -19,6 +19,7 @@ from vnav.core.mapping import LOST, FrameTable, Odometry
 from vnav.optimisation.interruptions import Passage, claims, lie_apart, passages
 from vnav.optimisation.mending import CUT, INTERRUPTED, LEFT_OUT, TAKEN, Mend
 from vnav.optimisation.robust_graph import RobustGraph, robust_pose_graph
+from vnav.optimisation.second_look import MOST_THROUGH
 from vnav.optimisation.segments import SAME_POSE_M
 from vnav.synthetic.circle import LAP, edge, walk
 
@@ -64,15 +65,25 @@ def beside(poses: np.ndarray, times: float = 0.0) -> float:
 class PlacesLook(FixedLook):
     """A second look that bears out, or is sure of, alignments by where the second half lies.
 
-    ``clear``: log-odds of where it is over a book beside that.
+    ``clear``: log-odds of where it is over a book beside that; ``through``: share of pairs that see
+    through what the other sees, where it is borne out.
     """
 
-    def __init__(self, borne_out: Judge, sure: Judge = lambda _: False, clear: float = 0.0) -> None:
+    def __init__(
+        self,
+        borne_out: Judge,
+        sure: Judge = lambda _: False,
+        clear: float = 0.0,
+        through: float = 0.0,
+    ) -> None:
         super().__init__(None)
         self._borne_out, self._sure, self._clear = borne_out, sure, clear
+        self._through = through
 
-    def is_borne_out(self, poses: np.ndarray, *_: object) -> bool:
-        return self._borne_out(poses)
+    def is_borne_out(
+        self, poses: np.ndarray, a: object, b: object, most_through: float = MOST_THROUGH
+    ) -> bool:
+        return self._borne_out(poses) and self._through <= most_through
 
     def is_sure(self, poses: np.ndarray, *_: object) -> bool:
         return self._sure(poses)
@@ -208,6 +219,21 @@ def test_where_images_refute_all_of_several_places_a_walk_is_cut() -> None:
     robust = joined(1, [*closures(1, 6), *closures(0, 2, seed=4)], PlacesLook(lies()))
     assert not robust.graph.kept.any()
     assert robust.part.tolist() == [0] * FIRST + [1] * (len(T) - FIRST)
+
+
+@pytest.mark.parametrize(("through", "how"), [(0.2, []), (0.3, [TAKEN]), (0.6, [CUT])])
+def test_a_place_that_somebody_may_have_left_meanwhile_is_taken_and_told_of(
+    through: float, how: list[str]
+) -> None:
+    robust = joined(0, closures(0, 4), PlacesLook(lies(0), through=through))
+    assert [mend.how for mend in robust.mends] == how
+    assert bool(robust.part.any()) == (CUT in how)
+
+
+def test_a_place_that_others_may_be_taken_for_is_not_taken_where_something_has_left() -> None:
+    found = [*closures(0, 4), *closures(1, 4, seed=4)]
+    robust = joined(0, found, PlacesLook(lies(0), through=0.3))
+    assert [mend.how for mend in robust.mends] == [CUT]
 
 
 def test_of_places_a_book_apart_images_tell_which_however_many_are_for_the_other() -> None:

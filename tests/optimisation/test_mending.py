@@ -234,7 +234,7 @@ def test_a_track_that_goes_on_from_the_frame_before_is_not_cut_where_it_jumps() 
 class RefusingLook(FixedLook):
     """A second look that corrects nothing, and bears out no join."""
 
-    def is_borne_out(self, *_: object) -> bool:
+    def is_borne_out(self, *_: object, **__: object) -> bool:
         return False
 
 

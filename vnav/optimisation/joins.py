@@ -1,6 +1,8 @@
 """Which of several ways to join two sets of frames is right, by what their keyframes see."""
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
 from itertools import compress
 
 import numpy as np
@@ -13,12 +15,25 @@ from vnav.core.mapping import Odometry
 from vnav.optimisation import pose_graph
 from vnav.optimisation.cycles import are_wrong
 from vnav.optimisation.interruptions import Passage, lie_apart, passages
-from vnav.optimisation.second_look import SecondLook
+from vnav.optimisation.second_look import MOST_GONE, SecondLook
 from vnav.optimisation.segments import Inside, same_pose
 from vnav.registration.judge import CLEAR
 
 MOST_PLACES = 4  # a book or two apart, of an alignment
 ALONE = 0.8  # share of the votes of places that a place has which nothing contradicts
+
+
+@dataclass(frozen=True)
+class _Place:
+    """Where two sets of frames are to each other: poses (N, 4, 4) without drift.
+
+    ``is_clear``: whether images tell it from places a book apart that were proposed, too;
+    ``passed``: the interruptions between the sets.
+    """
+
+    poses: Array
+    is_clear: bool
+    passed: Sequence[Passage]
 
 
 class Joins:
@@ -58,22 +73,24 @@ class Joins:
             for n, across in enumerate(agreeing)
             if not self.refused[across].all()
         }
-        found = {n: poses for n, (poses, _) in placed.items() if look.is_borne_out(poses, a, b)}
-        passed = {n: passages(self._odometry.frames, P, a, b) for n, P in found.items()}
+        found, is_unchanged = _borne_out(placed, partial(look.is_borne_out, a=a, b=b))
+        passed = {n: place.passed for n, place in found.items()}
         is_alone = agreeing[list(found)].sum() >= ALONE * agreeing.sum()
-        right, is_certain = _likely(passed, is_alone, lambda n: look.is_sure(found[n], a, b))
-        self.unsure += [p for n in right for p in passed[n] if not (is_certain and placed[n][1])]
-        agrees = [self._agreeing(placed[n][0], a, b) for n in right or found]
+        right, is_certain = _likely(passed, is_alone, lambda n: look.is_sure(found[n].poses, a, b))
+        for n in right:
+            if not (is_certain and is_unchanged and found[n].is_clear):
+                self.unsure += found[n].passed
+        agrees = [self._agreeing(placed[n].poses, a, b) for n in right or found]
         self.refused |= agreeing[list(placed)].any(0) & ~np.any(agrees, axis=0)
         return right[0] if right else None
 
     def _placed(
         self, poses: Array, a: Inside, b: Inside, across: Inside, look: SecondLook
-    ) -> tuple[Array, bool]:
-        """Poses (N, 4, 4) without drift, by the candidates across that agree with them.
+    ) -> "_Place":
+        """Where the candidates across put the sets that agree with poses (N, 4, 4).
 
         Where these agree on several places, a book apart, images tell which, and the candidates of
-        the others are refused. The second answer is whether images are `CLEAR` of it.
+        the others are refused.
         """
         places = list(self._places(poses, a, b, across & ~self.refused))
         log_odds = look.log_odds_across([fitted for fitted, _ in places], a, b)
@@ -81,7 +98,7 @@ class Joins:
         best = int(log_odds.min(1).argmax())
         (fitted, kept), is_clear = places[best], bool(log_odds[best].min() > CLEAR)
         self.refused |= np.any([others for _, others in places], axis=0) & ~kept
-        return fitted, is_clear
+        return _Place(fitted, is_clear, passages(self._odometry.frames, fitted, a, b))
 
     def _places(
         self, poses: Array, a: Inside, b: Inside, across: Inside
@@ -118,6 +135,22 @@ class Joins:
         i, j = self._ends.T
         T_i_j = np.stack([e.T_i_j for e in self._candidates])
         return np.asarray(se3.inverse(poses[i] @ T_i_j) @ poses[j])
+
+
+def _borne_out(
+    placed: Mapping[int, _Place], is_borne_out: Callable[..., bool]
+) -> tuple[Mapping[int, _Place], bool]:
+    """The places that images bear out, and whether nothing has changed there.
+
+    During an interruption somebody may leave: of one place alone, with no other to be taken for,
+    images may bear out less.
+    """
+    found = {n: place for n, place in placed.items() if is_borne_out(place.poses)}
+    if found or len(placed) != 1:
+        return found, True
+    (place,) = placed.values()
+    has_changed = bool(place.passed) and is_borne_out(place.poses, most_through=MOST_GONE)
+    return (placed, False) if has_changed else (found, True)
 
 
 def _likely(

@@ -20,7 +20,7 @@ from vnav.optimisation.second_look import Correction, SecondLook
 
 REASON = "its edges contradict each other"
 TOO_FAST = "its motion is faster than a camera is carried"
-INTERRUPTED = "the camera was not followed before it, and other places look like what it saw"
+INTERRUPTED = "the camera was not followed before it, and may be in another place"
 LEFT_OUT, REGISTERED_AGAIN, CUT = "left out", "registered again", "cut"
 TAKEN = "taken for the likeliest"
 FOUND_AGAIN_S = 1.0  # an edge from a frame so long ago is one to a place that was found again

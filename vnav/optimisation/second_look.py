@@ -43,7 +43,7 @@ from vnav.registration.surface_agreement import (
 )
 
 MOST_PAIRS = 60  # of keyframes that are compared, where two parts are to be joined
-MOST_THROUGH = 0.2  # of them that may see through each other: docs/log.md
+MOST_THROUGH, MOST_GONE = 0.2, 0.5  # of them that may see through each other: docs/log.md
 LEAST_PAIRS, MOST_APART = 5, 0.1  # that tell which of several places is the right one; share
 DRIFTED_SIGMAS = 24.0  # from which a surface is seen through, 0.13 m at 2 m: drift is left
 KEPT_IMAGES = 120  # of keyframes, reduced: about 60 MB
@@ -92,11 +92,14 @@ class SecondLook:
             return None
         return Correction(stretch, edge if in_favour < -CLEAR else None)
 
-    def is_borne_out(self, poses: Array, a: Inside, b: Inside) -> bool:
+    def is_borne_out(
+        self, poses: Array, a: Inside, b: Inside, most_through: float = MOST_THROUGH
+    ) -> bool:
         """Whether two sets of frames (N,) may share a place as poses (N, 4, 4) have them.
 
-        Most pairs of keyframes across must not see through what the other sees. Where a chair was
-        moved between two recordings some do, and where a place is taken for another half of them.
+        At most such a share of the pairs of keyframes across may see through what the other sees.
+        Where a chair was moved between two recordings some do, where people left more, and where a
+        place is taken for another half of them.
         Nor may the camera leap from one set to the other, by more than drift may have moved either:
         what repeats is seen through nowhere.
         """
@@ -104,7 +107,7 @@ class SecondLook:
         if not all(map(same_pose, leaps)):
             return False
         pairs, neighbours = self._across(poses, a, b, MIN_SHARED, DRIFTED_SIGMAS)
-        return len(seeing_through(pairs, neighbours)) <= MOST_THROUGH * len(pairs)
+        return len(seeing_through(pairs, neighbours)) <= most_through * len(pairs)
 
     def is_sure(self, poses: Array, a: Inside, b: Inside) -> bool:
         """Whether two sets of frames (N,) share a place, though others look like it.
