@@ -17,7 +17,15 @@ from vnav.core import se3
 from vnav.core.frame import Edge
 from vnav.core.mapping import LOST, FrameTable, Odometry
 from vnav.optimisation.interruptions import Passage, claims, lie_apart, passages
-from vnav.optimisation.mending import CUT, INTERRUPTED, LEFT_OUT, TAKEN, Mend
+from vnav.optimisation.mending import (
+    ALIKE,
+    CUT,
+    INTERRUPTED,
+    LEFT_OUT,
+    TAKEN,
+    Mend,
+    with_edges,
+)
 from vnav.optimisation.robust_graph import RobustGraph, robust_pose_graph
 from vnav.optimisation.second_look import MOST_THROUGH
 from vnav.optimisation.segments import SAME_POSE_M
@@ -66,7 +74,7 @@ class PlacesLook(FixedLook):
     """A second look that bears out, or is sure of, alignments by where the second half lies.
 
     ``clear``: log-odds of where it is over a book beside that; ``through``: share of pairs that see
-    through what the other sees, where it is borne out.
+    through what the other sees, where it is borne out; ``alike``: where none shows something else.
     """
 
     def __init__(
@@ -75,10 +83,11 @@ class PlacesLook(FixedLook):
         sure: Judge = lambda _: False,
         clear: float = 0.0,
         through: float = 0.0,
+        alike: Judge = lambda _: False,
     ) -> None:
         super().__init__(None)
         self._borne_out, self._sure, self._clear = borne_out, sure, clear
-        self._through = through
+        self._through, self._alike = through, alike
 
     def is_borne_out(
         self, poses: np.ndarray, a: object, b: object, most_through: float = MOST_THROUGH
@@ -87,6 +96,9 @@ class PlacesLook(FixedLook):
 
     def is_sure(self, poses: np.ndarray, *_: object) -> bool:
         return self._sure(poses)
+
+    def unlike(self, poses: np.ndarray, *_: object) -> float:
+        return 0.0 if self._alike(poses) else 0.3
 
     def log_odds_across(self, places: Sequence[np.ndarray], *_: object) -> np.ndarray:
         favour = np.array([self._clear * (beside(poses) < BOOK_M / 2) for poses in places])
@@ -162,6 +174,39 @@ def test_where_nothing_tells_two_places_apart_a_walk_is_cut(sure: Judge) -> None
     robust = joined(1, found, PlacesLook(lies(0, 1), sure))
     assert not robust.graph.kept.any()
     assert robust.part.tolist() == [0] * FIRST + [1] * (len(T) - FIRST)
+
+
+def test_of_places_that_images_are_sure_of_the_one_is_taken_that_shows_nothing_else() -> None:
+    found = [*closures(1, 6), *closures(0, 2, seed=4)]
+    robust = joined(1, found, PlacesLook(lies(0, 1), sure=lies(0, 1), alike=lies(0)))
+    assert robust.graph.kept.tolist() == [False] * 6 + [True] * 2
+    assert [mend.how for mend in robust.mends] == [LEFT_OUT, TAKEN]
+
+
+def of_two_captures(look: PlacesLook, found: list[Edge]) -> RobustGraph:
+    """The walk's halves as recordings of their own."""
+    odometry = stamped(walked(T))
+    captures = (np.arange(len(T)) >= FIRST).astype(np.int32)
+    frames = dataclasses.replace(odometry.frames, capture=captures)
+    edges = [e for e in odometry.edges if not e.i < FIRST <= e.j]
+    halves = with_edges(dataclasses.replace(odometry, frames=frames), edges)
+    return robust_pose_graph(halves, found, OptimiseConfig(), look)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(("alike", "place"), [(lies(0), 0), (lies(), 1)])
+def test_of_places_of_another_recording_the_one_is_taken_that_shows_nothing_else_or_most_are_for(
+    alike: Judge, place: int
+) -> None:
+    found = [*closures(1, 6), *closures(0, 4, seed=4)]
+    robust = of_two_captures(PlacesLook(lies(0, 1), sure=lies(0, 1), alike=alike), found)
+    assert lies(place)(robust.graph.T_world_camera)
+    assert robust.mends == (Mend(FIRST, len(T) - 1, TAKEN, why=ALIKE),)
+
+
+def test_the_only_place_of_another_recording_is_taken_without_a_word() -> None:
+    robust = of_two_captures(PlacesLook(lies(0)), closures(0, 4))
+    assert not robust.part.any()
+    assert robust.mends == ()
 
 
 def test_a_place_that_is_farther_than_a_camera_goes_elsewhere_is_not_taken() -> None:

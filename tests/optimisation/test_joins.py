@@ -18,6 +18,7 @@ from vnav.core.graph import chain
 from vnav.core.mapping import Odometry
 from vnav.io.store.artifacts import load_keyframe
 from vnav.io.store.map_folder import MapFolder
+from vnav.optimisation.joins import CLEARLY
 from vnav.optimisation.robust_graph import RobustGraph, robust_pose_graph
 from vnav.optimisation.second_look import LEAST_PAIRS, SecondLook
 from vnav.registration.judge import CLEAR
@@ -107,6 +108,20 @@ def test_images_tell_where_a_half_stands_from_places_a_book_apart(
     log_odds = look.log_odds_across(places, first, second)
     np.fill_diagonal(log_odds, np.inf)
     assert (log_odds.min(1) > CLEAR).tolist() == [x == 0.0 for x in off_m]
+
+
+@pytest.mark.parametrize(("off_m", "is_alike"), [(0.0, True), (DRIFT_M, False)])
+def test_halves_show_the_same_things_where_they_stand_right_alone(
+    off_m: float, is_alike: bool, odometry: Odometry, halves: Odometry, look: SecondLook
+) -> None:
+    alignment = second_moved(odometry, halves, [off_m, 0, off_m])
+    assert (look.unlike(*alignment) < CLEARLY) == is_alike
+
+
+def test_halves_that_share_nothing_show_no_different_things(
+    odometry: Odometry, halves: Odometry, look: SecondLook
+) -> None:
+    assert look.unlike(*second_moved(odometry, halves, [100.0, 0, 0])) == 0
 
 
 def test_images_that_share_nothing_do_not_tell_where_a_half_stands(

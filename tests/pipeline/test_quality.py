@@ -187,7 +187,7 @@ def test_a_place_that_was_found_again_though_others_look_like_it_makes_a_map_dou
 
     (doubt,) = assess(folder, CONFIG).doubts
 
-    assert "after 1 interruption the camera may be in another place" in doubt
+    assert "1 time, after an interruption or in another recording, the camera may be" in doubt
     assert "within frames 7 to 9;" in doubt
 
 

@@ -15,11 +15,13 @@ from vnav.core.mapping import Odometry
 from vnav.optimisation import pose_graph
 from vnav.optimisation.cycles import are_wrong
 from vnav.optimisation.interruptions import Passage, lie_apart, passages
+from vnav.optimisation.mending import ALIKE, INTERRUPTED, TAKEN, Mend
 from vnav.optimisation.second_look import MOST_GONE, SecondLook
 from vnav.optimisation.segments import Inside, same_pose
 from vnav.registration.judge import CLEAR
 
 MOST_PLACES = 4  # a book or two apart, of an alignment
+CLEARLY = 0.1  # by so much larger a share of keyframes shows something else than at the right one
 ALONE = 0.8  # share of the votes of places that a place has which nothing contradicts
 
 
@@ -40,7 +42,7 @@ class Joins:
     """Alignments of sets of frames, tested by what their keyframes see.
 
     ``refused``: candidates (C,), closures and claims of odometry, of alignments that are wrong;
-    ``unsure``: interruptions between sets that were joined, though other places look like that.
+    ``unsure``: where sets were joined, though they may be in another place.
     """
 
     def __init__(
@@ -55,7 +57,7 @@ class Joins:
         self._max_sigmas, self._look = max_sigmas, look
         self._ends = ends_of(candidates)
         self.refused = np.zeros(len(candidates), bool)
-        self.unsure: list[Passage] = []
+        self.unsure: list[Mend] = []
 
     def right(self, alignments: Sequence[Array], a: Inside, b: Inside) -> int | None:
         """The number of the alignment, poses (N, 4, 4), that is right for two sets of frames (N,).
@@ -76,10 +78,15 @@ class Joins:
         found, is_unchanged = _borne_out(placed, partial(look.is_borne_out, a=a, b=b))
         passed = {n: place.passed for n, place in found.items()}
         is_alone = agreeing[list(found)].sum() >= ALONE * agreeing.sum()
-        right, is_certain = _likely(passed, is_alone, lambda n: look.is_sure(found[n].poses, a, b))
+        right, is_certain = _likely(
+            passed,
+            is_alone,
+            lambda n: look.is_sure(found[n].poses, a, b),
+            lambda n: look.unlike(found[n].poses, a, b),
+        )
         for n in right:
             if not (is_certain and is_unchanged and found[n].is_clear):
-                self.unsure += found[n].passed
+                self.unsure += _unsure(found[n].passed, b)
         agrees = [self._agreeing(placed[n].poses, a, b) for n in right or found]
         self.refused |= agreeing[list(placed)].any(0) & ~np.any(agrees, axis=0)
         return right[0] if right else None
@@ -153,15 +160,28 @@ def _borne_out(
     return (placed, False) if has_changed else (found, True)
 
 
+def _unsure(passed: Sequence[Passage], b: Inside) -> Iterator[Mend]:
+    """The interruptions that a set of frames (N,) was joined over, or all of it where none was."""
+    for passage in passed:
+        yield Mend(passage.i, passage.j, TAKEN, why=INTERRUPTED)
+    if not passed:
+        rows = np.flatnonzero(b)
+        yield Mend(int(rows[0]), int(rows[-1]), TAKEN, why=ALIKE)
+
+
 def _likely(
-    passed: Mapping[int, Sequence[Passage]], is_alone: bool, is_sure: Callable[[int], bool]
+    passed: Mapping[int, Sequence[Passage]],
+    is_alone: bool,
+    is_sure: Callable[[int], bool],
+    unlike: Callable[[int], float],
 ) -> tuple[list[int], bool]:
     """The number of the likely way to pass an interruption, and whether nothing speaks against it.
 
     ``passed``: of those that images bear out, by most votes; ``is_alone``: whether hardly any votes
-    were for others; ``is_sure``: whether images bear one out in nearly all keyframes. Several tell
-    that things repeat themselves: then the pace counts, and where images are sure of none or more
-    than one, it alone tells. No number where several are as likely.
+    were for others; ``is_sure``: whether images bear one out in nearly all keyframes;
+    ``unlike``: share of these that show something else. Several tell that things repeat themselves:
+    then the pace counts, if there is one, and where images are sure of none or more than one,
+    nothing is certain. No number where several are as likely.
     """
     usual = [n for n, each in passed.items() if all(passage.is_usual for passage in each)]
     if len(passed) < 2:
@@ -169,10 +189,14 @@ def _likely(
     if lie_apart(passed.values()):
         return _only(usual), True
     sure = [n for n in passed if is_sure(n)]
+    is_certain = len(sure) == 1
+    if len(sure) > 1:
+        shares = {n: unlike(n) for n in sure}
+        sure = _only([n for n in sure if shares[n] < min(shares.values()) + CLEARLY]) or sure
     if not any(passed.values()):
-        return _only(sure) or list(passed)[:1], True
+        return _only(sure) or list(passed)[:1], is_certain
     likely = set(sure or passed) & set(usual)
-    return _only(sorted(likely)), len(sure) == 1
+    return _only(sorted(likely)), is_certain
 
 
 def _only(numbers: list[int]) -> list[int]:

@@ -21,6 +21,7 @@ from vnav.optimisation.second_look import Correction, SecondLook
 REASON = "its edges contradict each other"
 TOO_FAST = "its motion is faster than a camera is carried"
 INTERRUPTED = "the camera was not followed before it, and may be in another place"
+ALIKE = "other places look like the one of the join"
 LEFT_OUT, REGISTERED_AGAIN, CUT = "left out", "registered again", "cut"
 TAKEN = "taken for the likeliest"
 FOUND_AGAIN_S = 1.0  # an edge from a frame so long ago is one to a place that was found again
@@ -33,7 +34,7 @@ class Mend:
     ``how``: `LEFT_OUT` where other edges hold the frames, `REGISTERED_AGAIN` where a new one does,
     `CUT` where none does, `TAKEN` where one does that others are as good as. ``closures``: that
     contradict them, 0 where other edges alone do.
-    ``why``, where it is neither of these: `TOO_FAST` or `INTERRUPTED`.
+    ``why``, where it is neither of these: `TOO_FAST`, `INTERRUPTED` or `ALIKE`.
     """
 
     first: int

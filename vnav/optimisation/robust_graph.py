@@ -21,7 +21,6 @@ from vnav.optimisation.interruptions import claims
 from vnav.optimisation.joins import Joins
 from vnav.optimisation.mending import (
     INTERRUPTED,
-    TAKEN,
     TOO_FAST,
     Mend,
     Mended,
@@ -124,8 +123,7 @@ def _optimised(
     _, part = _aligned(held, list(compress(closures, kept)))
     graph = dataclasses.replace(graph, kept=kept & _within(part, closures))
     joined = dataclasses.replace(held, segment=part)
-    taken = (Mend(p.i, p.j, TAKEN, why=INTERRUPTED) for p in joins.unsure)
-    mends = *mended.mends, *mends_of(odometry, joined, INTERRUPTED), *taken
+    mends = *mended.mends, *mends_of(odometry, joined, INTERRUPTED), *joins.unsure
     return RobustGraph(held, mends, graph, part)
 
 

@@ -35,6 +35,7 @@ from vnav.registration.reduction import reduced
 from vnav.registration.surface_agreement import (
     MIN_SHARED,
     SEEN_THROUGH_SIGMAS,
+    USUAL,
     Agreement,
     agreements,
     borne_out_by,
@@ -45,6 +46,7 @@ from vnav.registration.surface_agreement import (
 MOST_PAIRS = 60  # of keyframes that are compared, where two parts are to be joined
 MOST_THROUGH, MOST_GONE = 0.2, 0.5  # of them that may see through each other: docs/log.md
 LEAST_PAIRS, MOST_APART = 5, 0.1  # that tell which of several places is the right one; share
+UNLIKE = 0.02  # share of blocks that show something else, beyond what is usual
 DRIFTED_SIGMAS = 24.0  # from which a surface is seen through, 0.13 m at 2 m: drift is left
 KEPT_IMAGES = 120  # of keyframes, reduced: about 60 MB
 Views = Callable[[int], Frame]  # the images of a keyframe, by its row
@@ -118,6 +120,23 @@ class SecondLook:
         is_borne_out = borne_out_by(poses, self._moving, self._config.registration)
         apart = disagreeing(pairs, neighbours, is_borne_out)
         return len(pairs) >= LEAST_PAIRS and len(apart) <= MOST_APART * len(pairs)
+
+    def unlike(self, poses: Array, a: Inside, b: Inside) -> float:
+        """Share of pairs of keyframes of two sets of frames (N,) that show different things.
+
+        Equal shelves, by poses (N, 4, 4), differ in a few things: more blocks show something else
+        there than those of neighbours usually do.
+        """
+        pairs, neighbours = (
+            [self._refuting(i, j, se3.inverse(poses[i]) @ poses[j]) for i, j in of_kind]
+            for of_kind in self._overlapping(poses, a, b, MIN_OVERLAP)
+        )
+        most = UNLIKE + (np.quantile(neighbours, USUAL) if neighbours else 0.0)
+        return float(np.mean(np.array(pairs) > most)) if pairs else 0.0
+
+    def _refuting(self, i: int, j: int, T_i_j: Array) -> float:
+        """Share of blocks of two keyframes that show other things than a motion has there."""
+        return float(self._judged(i, j, [T_i_j]).refuting[0])
 
     def log_odds_across(self, places: Sequence[Array], a: Inside, b: Inside) -> Array:
         """Of each of several places, poses (N, 4, 4), against each (C, C), by all pixels.

@@ -83,8 +83,9 @@ def _mended_lines(solution: Solution, odometry: Odometry, *how: str) -> list[str
     lines = []
     for mend in solution.robust.mends:
         frames = odometry.frames.rows_text(np.arange(mend.first, mend.last + 1))
-        what = f"{mend.closures} closures" if mend.closures else "the edges around them"
-        why = mend.why or f"odometry contradicts {what}"
+        why = mend.why or "edges of odometry contradict each other"
+        if mend.closures:
+            why = f"odometry contradicts {mend.closures} closures"
         if mend.how in how:
             lines.append(f"{frames}: {why}: {mend.how}")
     return lines

@@ -306,9 +306,9 @@ def _likeness(taken: Sequence[tuple[int, int]], odometry: Odometry) -> str:
     if not taken:
         return ""
     return (
-        f"after {len(taken)} interruption{'s' * (len(taken) > 1)} the camera may be in another"
-        f" place than where it was found again, within {_within(taken, odometry)}; record without a"
-        " break, or come back to what is unique"
+        f"{len(taken)} time{'s' * (len(taken) > 1)}, after an interruption or in another recording,"
+        f" the camera may be in another place than it was taken for, within"
+        f" {_within(taken, odometry)}; record without a break, or come back to what is unique"
     )
 
 
