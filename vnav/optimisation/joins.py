@@ -1,6 +1,6 @@
 """Which of several ways to join two sets of frames is right, by what their keyframes see."""
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from itertools import compress
@@ -188,15 +188,26 @@ def _likely(
         return list(passed) if is_alone else usual, bool(usual)
     if lie_apart(passed.values()):
         return _only(usual), True
-    sure = [n for n in passed if is_sure(n)]
-    is_certain = len(sure) == 1
-    if len(sure) > 1:
-        shares = {n: unlike(n) for n in sure}
-        sure = _only([n for n in sure if shares[n] < min(shares.values()) + CLEARLY]) or sure
+    sure, is_certain = _sure(passed, is_sure, unlike)
     if not any(passed.values()):
         return _only(sure) or list(passed)[:1], is_certain
     likely = set(sure or passed) & set(usual)
     return _only(sorted(likely)), is_certain
+
+
+def _sure(
+    numbers: Iterable[int], is_sure: Callable[[int], bool], unlike: Callable[[int], float]
+) -> tuple[list[int], bool]:
+    """The places that images are sure of, and whether this is one alone.
+
+    Of several the one that shows less else than all others, if there is one.
+    """
+    sure = [n for n in numbers if is_sure(n)]
+    if len(sure) < 2:
+        return sure, len(sure) == 1
+    shares = {n: unlike(n) for n in sure}
+    least = min(shares.values())
+    return _only([n for n in sure if shares[n] < least + CLEARLY]) or sure, False
 
 
 def _only(numbers: list[int]) -> list[int]:
