@@ -15,14 +15,13 @@ from itertools import product
 from pathlib import Path
 
 import numpy as np
-from accuracy import vnav
 from hard_versions import Source, write
 from interrupted import SCENES, WIDTH
 from people import rendered
 from recording import Measurement, add_record_option, conclude, table
 from repeating import spec_of
 from verdicts import WRONG, is_doubtful, of_verdict
-from wings import scored
+from wings import built, scored
 
 from vnav.io.store.map_folder import MapFolder
 
@@ -46,7 +45,7 @@ def parts(source: Source, split: Sequence[tuple[float, float]], folder: Path) ->
 def of_parts(on: str, captures: Sequence[Path], folder: Path) -> Iterator[Measurement]:
     """Two recordings: the map of both against the truth, and what it says of itself."""
     if not folder.is_dir():
-        vnav("build-map", *captures, "--map", folder)
+        built(folder, *captures)
     found = scored(folder, captures)
     off_m, path_m = found.ate.translation_m.rmse, sum(found.paths_m)
     frames = sum(len(Source.open(capture).frames) for capture in captures)
