@@ -93,7 +93,7 @@ class Joins:
 
     def _placed(
         self, poses: Array, a: Inside, b: Inside, across: Inside, look: SecondLook
-    ) -> "_Place":
+    ) -> _Place:
         """Where the candidates across put the sets that agree with poses (N, 4, 4).
 
         Where these agree on several places, a book apart, images tell which, and the candidates of
