@@ -19,6 +19,7 @@ from vnav.io.formats.grid_files import read_grid
 from vnav.io.formats.ply import read_cloud, read_mesh
 from vnav.io.store import artifacts
 from vnav.io.store.map_folder import MapFolder
+from vnav.masking.regions import LEAST_SHARE
 from vnav.stages import fuse
 from vnav.volumes.octree import Octree
 
@@ -179,6 +180,7 @@ def test_what_moves_and_the_blocks_beside_it_are_not_fused(
     after = next(iter(fuse.PosedFrames(folder))).frame.depth_m
     assert not after[28:92, 40:80].any()
     assert not after[40:80, 28:92].any()
-    left = np.ones(before.shape, bool)
-    left[28:92, 28:92] = False
-    np.testing.assert_array_equal(after[left], before[left])
+    gone = (before > 0) & (after == 0)
+    np.testing.assert_array_equal(after[~gone], before[~gone])
+    gone[28:92, 28:92] = False
+    assert gone.mean() < LEAST_SHARE  # small things beside it, which may be of it

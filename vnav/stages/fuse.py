@@ -15,13 +15,14 @@ from vnav.core.camera_motion import motions_after
 from vnav.core.grid import FREE, STATES, Grid
 from vnav.core.mapping import Landmarks, World
 from vnav.core.progress import Progress, silent
-from vnav.core.reduced_frame import BLOCK_PX
+from vnav.core.reduced_frame import BLOCK_PX, in_pixels
 from vnav.core.report import Report
 from vnav.errors import MapError
 from vnav.io.formats.ply import write_cloud, write_mesh
 from vnav.io.store.artifacts import (
     kept_rows,
     load_keyframe,
+    load_keyframe_blocks,
     load_keyframe_depth,
     load_odometry,
     load_optimised,
@@ -31,9 +32,11 @@ from vnav.io.store.artifacts import (
 )
 from vnav.io.store.map_folder import MapFolder
 from vnav.io.store.stage_reports import clock, finished, reused, settings_of
+from vnav.masking.remains import remains
 from vnav.planning.projection import project
 from vnav.planning.storeys import other_floor
 from vnav.planning.walked import add_walked
+from vnav.registration.reduction import reduced
 from vnav.threads import one_blas_thread
 from vnav.volumes.departed import DepthHistory, SeenDepth, seen_depth
 from vnav.volumes.fusion import FusedVolumes, PosedFrame, fuse
@@ -105,9 +108,14 @@ class PosedFrames:
         return map(self.view, range(len(self)))
 
     def view(self, number: int) -> PosedFrame:
-        """One of them, in order of time."""
+        """One of them, in order of time, without what moves and what its mask may leave of it."""
         row = self._rows[number]
         frame = load_keyframe(self._folder, row, self._frames, BESIDE_PX)
+        moving = load_keyframe_blocks(self._folder, row)
+        if moving is not None:
+            left = remains(reduced(frame), moving, BESIDE_PX // BLOCK_PX)
+            depth_m = np.where(in_pixels(left, frame.depth_m.shape), np.float32(0), frame.depth_m)
+            frame = dataclasses.replace(frame, depth_m=depth_m)
         return PosedFrame(frame, self._poses[row])
 
     def walks(self) -> list[Array]:
