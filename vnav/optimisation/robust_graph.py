@@ -16,6 +16,7 @@ from vnav.core.graph import ends_of
 from vnav.core.jumps import between_jumps
 from vnav.core.mapping import Odometry
 from vnav.optimisation import pose_graph
+from vnav.optimisation.bent_steps import bending
 from vnav.optimisation.contradictions import contradictions
 from vnav.optimisation.interruptions import claims
 from vnav.optimisation.joins import Joins
@@ -54,20 +55,30 @@ def robust_pose_graph(
     """Odometry mended where it contradicts itself or many closures, and the closures that agree.
 
     Where closures contradict a stretch, its keyframes are looked at again; without that, odometry
-    stays as it is there. Frames between jumps are lost: no camera has moved like that. Closures
-    that are kept lie within one part.
+    stays as it is there. Closures that bend what pixels bear out are not asked. Frames between
+    jumps are lost: no camera has moved like that. Closures that are kept lie within one part.
     """
     robust = _held_against(odometry, closures, config, look)
-    rows = between_jumps(odometry.frames, robust.graph.T_world_camera, robust.part)
+    T, kept = robust.graph.T_world_camera, robust.graph.kept
+    if look is not None:
+        right = np.asarray(~bending(robust.odometry, T, closures, kept, look))
+        if not right.all():
+            fewer = list(compress(closures, right))
+            return _of_all(robust_pose_graph(odometry, fewer, config, look), right)
+    rows = between_jumps(odometry.frames, T, robust.part)
     if not len(rows):
         return robust
-    asked = np.flatnonzero(~np.isin(ends_of(closures), rows).any(1))
-    fewer = without(odometry, rows, TOO_FAST), [closures[n] for n in asked.tolist()]
-    steady = robust_pose_graph(*fewer, config, look)
-    kept = np.zeros(len(closures), np.bool_)
-    kept[asked] = steady.graph.kept
-    graph = dataclasses.replace(steady.graph, kept=kept)
-    return dataclasses.replace(steady, graph=graph, mends=(*too_fast(rows), *steady.mends))
+    asked = ~np.isin(ends_of(closures), rows).any(1)
+    slow = without(odometry, rows, TOO_FAST), list(compress(closures, asked))
+    steady = _of_all(robust_pose_graph(*slow, config, look), asked)
+    return dataclasses.replace(steady, mends=(*too_fast(rows), *steady.mends))
+
+
+def _of_all(robust: RobustGraph, asked: NDArray[np.bool_]) -> RobustGraph:
+    """The same among all closures (C,), of which only some were asked."""
+    kept = np.zeros(len(asked), np.bool_)
+    kept[asked] = robust.graph.kept
+    return dataclasses.replace(robust, graph=dataclasses.replace(robust.graph, kept=kept))
 
 
 def _held_against(
