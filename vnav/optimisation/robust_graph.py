@@ -61,22 +61,27 @@ def robust_pose_graph(
     robust = _held_against(odometry, closures, config, look)
     T, kept = robust.graph.T_world_camera, robust.graph.kept
     if look is not None:
-        right = np.asarray(~bending(robust.odometry, T, closures, kept, look))
-        if not right.all():
-            fewer = list(compress(closures, right))
-            return _of_all(robust_pose_graph(odometry, fewer, config, look), right)
+        bent = bending(robust.odometry, T, closures, kept, look)
+        if bent.any():
+            return _of_some(odometry, closures, np.flatnonzero(~bent), config, look)
     rows = between_jumps(odometry.frames, T, robust.part)
     if not len(rows):
         return robust
-    asked = ~np.isin(ends_of(closures), rows).any(1)
-    slow = without(odometry, rows, TOO_FAST), list(compress(closures, asked))
-    steady = _of_all(robust_pose_graph(*slow, config, look), asked)
+    asked = np.flatnonzero(~np.isin(ends_of(closures), rows).any(1))
+    steady = _of_some(without(odometry, rows, TOO_FAST), closures, asked, config, look)
     return dataclasses.replace(steady, mends=(*too_fast(rows), *steady.mends))
 
 
-def _of_all(robust: RobustGraph, asked: NDArray[np.bool_]) -> RobustGraph:
-    """The same among all closures (C,), of which only some were asked."""
-    kept = np.zeros(len(asked), np.bool_)
+def _of_some(
+    odometry: Odometry,
+    closures: Sequence[Edge],
+    asked: NDArray[np.intp],
+    config: OptimiseConfig,
+    look: SecondLook | None,
+) -> RobustGraph:
+    """`robust_pose_graph` by some of the closures (C,), by number; the others are not kept."""
+    robust = robust_pose_graph(odometry, [closures[n] for n in asked.tolist()], config, look)
+    kept = np.zeros(len(closures), np.bool_)
     kept[asked] = robust.graph.kept
     return dataclasses.replace(robust, graph=dataclasses.replace(robust.graph, kept=kept))
 
