@@ -11,10 +11,11 @@ called good.
 
 import argparse
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import product
 from pathlib import Path
+from typing import TypeVar
 
 import numpy as np
 from hard_versions import Source, write
@@ -24,10 +25,12 @@ from repeating import SCENE_NAMES, spec_of
 from verdicts import WRONG, of_verdict, scored_and_doubtful, with_poses
 
 from vnav.config import Config
+from vnav.evaluation.score import Score
 from vnav.synthetic import CaptureSpec
 
 SCENES = *SCENE_NAMES, "one_room", "apartment"
 WIDTH = 320
+CaseT = TypeVar("CaseT")
 SHARE = 0.07  # of the pixels that one walker covers
 
 
@@ -64,26 +67,46 @@ def walk(scene: str, seed: int, people: int) -> CaptureSpec:
     return replace(spec_of(scene, seed, WIDTH), walkers=people, walker_share=SHARE * people)
 
 
-def of_gap(on: str, capture: Path, map_of: Path) -> Iterator[Measurement]:
-    """One recording: its map against the truth, and what the map says of itself."""
-    config = Config()
+def of_gap(on: str, source: Source, gap: Gap, folder: Path, map_of: Path) -> Iterator[Measurement]:
+    """A recording without some frames: its map, and what that says of itself."""
+    capture, config = gap.taken(source, folder), Config()
     found, doubtful = scored_and_doubtful(capture, with_poses(capture, map_of, config), config)
-    frames = len(Source.open(capture).frames)
-    off_m, path_m = found.ate.translation_m.rmse, found.paths_m[0]
+    yield from of_map(on, [capture], found, doubtful)
+
+
+def of_map(
+    on: str, captures: Sequence[Path], found: Score, doubtful: bool
+) -> Iterator[Measurement]:
+    """A map of captures: its score against the truth, and what it says of itself."""
+    off_m, path_m = found.ate.translation_m.rmse, sum(found.paths_m)
+    frames = sum(len(Source.open(capture).frames) for capture in captures)
     yield Measurement(on, "vnav", "frames", frames)
     yield Measurement(on, "vnav", "frames with a pose", found.pairs)
     yield Measurement(on, "vnav", "ATE RMSE", off_m, "m")
     yield from of_verdict(on, "vnav", off_m, WRONG * path_m, doubtful)
 
 
-def main(arguments: Sequence[str] | None = None) -> int:
-    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
+def parser_of(description: str) -> argparse.ArgumentParser:
+    """What is asked of benchmarks of walks that are rendered by this script."""
+    parser = argparse.ArgumentParser(description=description.split("\n")[0])
     parser.add_argument("out", type=Path, help="of captures and maps, which are made once")
     parser.add_argument("--scenes", nargs="+", choices=SCENES, default=SCENES)
     parser.add_argument("--seeds", nargs="+", type=int, default=[0])
     parser.add_argument("--people", type=int, default=0, help="who walk about there")
     add_record_option(parser)
-    asked = parser.parse_args(arguments)
+    return parser
+
+
+def measured(
+    asked: argparse.Namespace,
+    cases: Sequence[CaseT],
+    kind: str,
+    measure: Callable[[str, Source, CaseT, Path, Path], Iterable[Measurement]],
+) -> list[Measurement]:
+    """What is measured of each case of each walk, by its name, capture and map; shown as it grows.
+
+    The files of a case have the number and ``kind`` of it in their names.
+    """
     captures, maps = asked.out / "captures", asked.out / "maps"
     for folder in (captures, maps):
         folder.mkdir(parents=True, exist_ok=True)
@@ -92,13 +115,23 @@ def main(arguments: Sequence[str] | None = None) -> int:
         among = f", {asked.people} people" if asked.people else ""
         whole = captures / f"{scene}{among.replace(', ', '_').replace(' ', '_')}_seed{seed}"
         source = Source.open(rendered(whole, walk(scene, seed, asked.people)))
-        for n, gap in enumerate(GAPS):
-            name = f"{whole.name}_gap{n}"
-            capture = gap.taken(source, captures / name)
-            found += of_gap(f"{scene}{among}, seed {seed}, {gap}", capture, maps / name)
+        for n, case in enumerate(cases):
+            name = f"{whole.name}_{kind}{n}"
+            on = f"{scene}{among}, seed {seed}, {case}"
+            found += measure(on, source, case, captures / name, maps / name)
             print(f"{table(found)}\n", flush=True)
-    record = "interrupted_among_people" if asked.people else "interrupted"
-    return conclude(record, found, asked, arguments)
+    return found
+
+
+def record_of(name: str, asked: argparse.Namespace) -> str:
+    """The name of the record: walks among people have one of their own."""
+    return f"{name}_among_people" if asked.people else name
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    asked = parser_of(__doc__).parse_args(arguments)
+    found = measured(asked, GAPS, "gap", of_gap)
+    return conclude(record_of("interrupted", asked), found, asked, arguments)
 
 
 if __name__ == "__main__":

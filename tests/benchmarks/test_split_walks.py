@@ -20,8 +20,8 @@ def test_two_recordings_are_all_of_a_walk_and_share_what_is_said(
     number: int, split_walks: ModuleType, tiny_capture: Path, tmp_path: Path
 ) -> None:
     whole = np.asarray(vnav.open_capture(tiny_capture).stamps_s)
-    split = [*split_walks.SPLITS.values()][number]
-    taken = split_walks.parts(split_walks.Source.open(tiny_capture), split, tmp_path / "taken")
+    split = split_walks.SPLITS[number]
+    taken = split.taken(split_walks.Source.open(tiny_capture), tmp_path / "taken")
     first, second = (set(vnav.open_capture(part).stamps_s) for part in taken)
     assert first | second == set(whole)
     assert len(first & second) == pytest.approx(0.1 * number * len(whole), abs=1)
@@ -31,8 +31,8 @@ def test_recordings_are_written_once(
     split_walks: ModuleType, tiny_capture: Path, tmp_path: Path
 ) -> None:
     source = split_walks.Source.open(tiny_capture)
-    (split, *_), whole = split_walks.SPLITS.values(), tmp_path / "taken"
-    first, _ = split_walks.parts(source, split, whole)
+    split, whole = split_walks.SPLITS[0], tmp_path / "taken"
+    first, _ = split.taken(source, whole)
     (first / "kept").touch()
-    split_walks.parts(source, split, whole)
+    split.taken(source, whole)
     assert (first / "kept").exists()

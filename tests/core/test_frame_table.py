@@ -54,6 +54,11 @@ def test_so_few_frames_have_no_interruption(count: int) -> None:
     assert not len(table(9).interrupted(np.arange(count)))
 
 
+def test_the_rows_of_each_capture_are_told() -> None:
+    assert [rows.tolist() for rows in table(3, 2).of_captures()] == [[0, 1, 2], [3, 4]]
+    assert table(0).of_captures() == []
+
+
 def test_where_nothing_is_to_be_said_there_is_no_span() -> None:
     assert table(3).lost_spans(["", "", ""]) == []
     assert table(0).lost_spans([]) == []

@@ -5,7 +5,7 @@ import pytest
 
 from vnav.core import se3
 from vnav.core.frame import Edge
-from vnav.core.graph import chain, component_roots, propagate_poses, shortest_paths
+from vnav.core.graph import chain, component_roots, off_edges, propagate_poses, shortest_paths
 from vnav.core.mapping import LOST
 from vnav.synthetic.circle import INFORMATION, LAP, steps, walk
 
@@ -98,3 +98,11 @@ def test_poses_are_propagated_along_edges_from_known_ones_which_stay() -> None:
 def test_every_connected_component_has_its_first_node_as_root() -> None:
     edges = [Edge(5, 2, np.eye(4), INFORMATION), Edge(2, 4, np.eye(4), INFORMATION)]
     assert component_roots(np.array([1, 2, 4, 5]), edges) == [1, 2]
+
+
+def test_poses_are_off_edges_by_what_is_left_of_the_motion_between_them() -> None:
+    apart = se3.make(np.eye(3), [[0.0, 0, 0], [1.0, 0, 0], [2.5, 0, 0]])
+    edges = [Edge(k, k + 1, se3.make(np.eye(3), [1.0, 0, 0]), np.eye(6)) for k in range(2)]
+    off = off_edges(apart, edges)
+    np.testing.assert_allclose(off[:, :3, 3], [[0, 0, 0], [0.5, 0, 0]], atol=1e-12)
+    assert off_edges(apart, []).shape == (0, 4, 4)

@@ -18,6 +18,13 @@ def ends_of(edges: Sequence[Edge]) -> NDArray[np.intp]:
     return np.array([(e.i, e.j) for e in edges], np.intp).reshape(-1, 2)
 
 
+def off_edges(poses: Array, edges: Sequence[Edge]) -> Array:
+    """By how much (E, 4, 4) poses (N, 4, 4) are off the motions of edges; E = 0 is legal."""
+    i, j = ends_of(edges).T
+    T_i_j = np.array([e.T_i_j for e in edges]).reshape(-1, 4, 4)
+    return np.asarray(se3.inverse(T_i_j) @ se3.inverse(poses[i]) @ poses[j])
+
+
 def best_into(edges: Iterable[Edge]) -> dict[int, float]:
     """By frame that edges lead to: the probability of the most likely of them."""
     best: dict[int, float] = {}

@@ -62,6 +62,10 @@ class FrameTable:
                 uneven_s[rows] = varies_s
         return uneven_s
 
+    def of_captures(self) -> list[NDArray[np.intp]]:
+        """The rows of each capture's frames."""
+        return [np.flatnonzero(self.capture == number) for number in np.unique(self.capture)]
+
     def interrupted(self, rows: NDArray[np.intp]) -> NDArray[np.bool_]:
         """After which of a capture's frames (N,), in order, the camera was not followed (N - 1,).
 

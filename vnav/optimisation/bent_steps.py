@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from vnav.core import se3
 from vnav.core.arrays import Array
 from vnav.core.frame import Edge
-from vnav.core.graph import ends_of
+from vnav.core.graph import ends_of, off_edges
 from vnav.core.mapping import LOST, Odometry
 from vnav.optimisation.second_look import SecondLook
 from vnav.optimisation.segments import same_pose
@@ -33,11 +33,8 @@ def bending(
     odometry.
     """
     found = np.zeros(len(closures), bool)
-    if not kept.any():
-        return found
-    T, (i, j) = odometry.T_segment_camera, ends_of(closures).T
-    T_i_j = np.stack([e.T_i_j for e in closures])
-    against = kept & ~same_pose(se3.inverse(T_i_j) @ se3.inverse(T[i]) @ T[j])
+    i, j = ends_of(closures).T
+    against = kept & ~same_pose(off_edges(odometry.T_segment_camera, closures))
     for first, last in _bent(odometry, T_world_camera, look) if against.any() else ():
         found |= against & (np.minimum(i, j) <= first) & (np.maximum(i, j) >= last)
     return found

@@ -7,10 +7,9 @@ from itertools import compress
 
 import numpy as np
 
-from vnav.core import se3
 from vnav.core.arrays import Array
 from vnav.core.frame import Edge
-from vnav.core.graph import ends_of
+from vnav.core.graph import ends_of, off_edges
 from vnav.core.mapping import Odometry
 from vnav.optimisation import pose_graph
 from vnav.optimisation.cycles import are_wrong
@@ -127,7 +126,7 @@ class Joins:
             if number and not (across & kept).any():
                 return
             yield graph.T_world_camera, across & kept
-            across = across & ~kept & are_wrong(self._off(graph.T_world_camera))
+            across = across & ~kept & are_wrong(off_edges(graph.T_world_camera, self._candidates))
             if not across.any():
                 return
 
@@ -135,13 +134,7 @@ class Joins:
         """Which candidates (C,) between the two agree with poses."""
         i, j = self._ends.T
         across = (a[i] & b[j]) | (b[i] & a[j])
-        return np.asarray(across & same_pose(self._off(poses)))
-
-    def _off(self, poses: Array) -> Array:
-        """By how much (C, 4, 4) candidates are off by poses (N, 4, 4)."""
-        i, j = self._ends.T
-        T_i_j = np.stack([e.T_i_j for e in self._candidates])
-        return np.asarray(se3.inverse(poses[i] @ T_i_j) @ poses[j])
+        return np.asarray(across & same_pose(off_edges(poses, self._candidates)))
 
 
 def _borne_out(

@@ -7,7 +7,7 @@ import numpy as np
 from vnav.core import se3
 from vnav.core.arrays import Array
 from vnav.core.frame import Edge
-from vnav.core.graph import ends_of
+from vnav.core.graph import off_edges
 from vnav.core.robust import robust_sigma
 
 MIN_CLOSURES = 10  # fewer tell no noise
@@ -31,10 +31,7 @@ def pose_noise(T_world_camera: Array, closures: Sequence[Edge]) -> Array:
 
 def _scatter(T_world_camera: Array, closures: Sequence[Edge]) -> tuple[Array, Array]:
     """How far two poses scatter about closures (2,), rad and m, and how far closures do alone."""
-    i, j = ends_of(closures).T
-    T_i_j = se3.inverse(T_world_camera[i]) @ T_world_camera[j]
-    error = se3.inverse(np.stack([e.T_i_j for e in closures])) @ T_i_j
-    off = se3.deviation(error).reshape(-1, 2, 3)
+    off = se3.deviation(off_edges(T_world_camera, closures)).reshape(-1, 2, 3)
     covariance = np.linalg.inv(np.stack([e.information for e in closures]))
     variance = np.diagonal(covariance, axis1=1, axis2=2).reshape(-1, 2, 3)
     return robust_sigma(off, axis=(0, 2)), np.sqrt(np.median(variance, axis=(0, 2)))

@@ -83,11 +83,11 @@ def _mended_lines(solution: Solution, odometry: Odometry, *how: str) -> list[str
     lines = []
     for mend in solution.robust.mends:
         frames = odometry.frames.rows_text(np.arange(mend.first, mend.last + 1))
-        why = mend.why or "edges of odometry contradict each other"
+        contradiction = "edges of odometry contradict each other"
         if mend.closures:
-            why = f"odometry contradicts {mend.closures} closures"
+            contradiction = f"odometry contradicts {mend.closures} closures"
         if mend.how in how:
-            lines.append(f"{frames}: {why}: {mend.how}")
+            lines.append(f"{frames}: {mend.why or contradiction}: {mend.how}")
     return lines
 
 

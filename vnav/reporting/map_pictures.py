@@ -81,11 +81,9 @@ def trajectory_figure(
     axes.set_facecolor(to_rgba(COLORS[UNKNOWN], FADED))
     axes.imshow(grid_image(grid), origin="lower", extent=extent_of(grid), alpha=FADED)
     axes.set(xlim=shown[:2], ylim=shown[2:])
-    interruptions, frames = 0, odometry.frames
-    for capture in np.unique(frames.capture):
-        of_capture = np.flatnonzero(frames.capture == capture)
+    frames = odometry.frames
+    for of_capture in frames.of_captures():
         _draw_path(axes, path, frames, of_capture)
-        interruptions += int(frames.interrupted(of_capture).sum())
     rows = [keyframe.row for keyframe in odometry.keyframes]
     closed = [(rows[v.i], rows[v.j]) for v in loops if v.accepted and v.is_loop]
     ends = np.array(closed, int).reshape(-1, 2)
@@ -99,6 +97,7 @@ def trajectory_figure(
         Line2D([], [], color="#e65100", ls="", **END, label="end"),
     ]
     missing = int((~np.isfinite(path[:, 0])).sum())
+    interruptions = sum(int(frames.interrupted(r).sum()) for r in frames.of_captures())
     legend(figure, [*entries, *_not_followed(missing, interruptions)])
     return figure
 

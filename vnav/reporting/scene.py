@@ -102,8 +102,7 @@ def _trajectory(odometry: Odometry, poses: Array) -> Layer:
     """Lines from one interruption of a capture to the next, NaN where a frame has no pose."""
     frames, places = odometry.frames, poses[:, :3, 3].astype("<f4")
     lines = []
-    for capture in np.unique(frames.capture):
-        rows = np.flatnonzero(frames.capture == capture)
+    for rows in frames.of_captures():
         last = np.flatnonzero(frames.interrupted(rows))
         lines += np.split(places[rows], last + 1)
     return Layer("trajectory", "#1e88e5", {"kind": "lines", "lines": lines})

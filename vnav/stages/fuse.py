@@ -120,8 +120,7 @@ class PosedFrames:
 
     def walks(self) -> list[Array]:
         """For each capture, the camera's centres (F, 3) at all frames, NaN where not known."""
-        capture = self._frames.capture
-        return [self._poses[capture == number, :3, 3] for number in np.unique(capture)]
+        return [self._poses[rows, :3, 3] for rows in self._frames.of_captures()]
 
     def history(self, config: Config) -> DepthHistory:
         """Their depth in order, which tells what has departed."""
